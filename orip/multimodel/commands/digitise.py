@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 
 LOG = Path("DIGITISED.MEA")
+STEREO_FILE = Path("STEREO.STE")
 
 LinkOption = Annotated[
     str | None, typer.Option("--link", envvar=LINK_VARIABLE, metavar="URL", help="As tcp://127.0.0.1:4788.")
@@ -124,6 +125,7 @@ def _register_commands(group: typer.Typer) -> None:
     command(group, "photo")(photo_command)
     command(group, "points")(points_command)
     command(group, "ground")(ground_command)
+    command(group, "features")(features_command)
     command(group, "fiducials")(fiducials_command)
     command(group, "ticks")(ticks_command)
 
@@ -321,6 +323,30 @@ def ground_command(
     setup = instrument.setup(invocation, LOG)
     choice = GroundChoice(model, target, tuple(names or ()), listed, first, error)
     tell_ground(invocation.terminal, digitise_ground(setup, bundle, choice))
+
+
+def features_command(
+    invocation: Invocation,
+    codes: Annotated[list[str], typer.Argument(metavar="KIND:CODE", help="POINT, LINE or AREA; key 1 is the first.")],
+    instrument: Instrument,
+    file: Annotated[Path, typer.Option("--file", metavar="FILE", help="For 'orip restitute compute'.")] = STEREO_FILE,
+    model: Annotated[str | None, typer.Option("--model", help="Begin in that model.")] = None,
+    first: Annotated[str, typer.Option("--first", metavar="NAME", help="Number features from here.")] = "1",
+    bundle: BundleOption = None,
+) -> None:
+    """Collect points, lines and areas with codes; models change at their frame lines.
+
+    Example: orip digitise features LINE:ROAD POINT:TREE --link tcp://127.0.0.1:4788
+    """
+    from orip.multimodel.commands.output import tell_digitised
+    from orip.multimodel.digitising.features import FeaturesChoice, digitise_features, feature_codes
+
+    if instrument.simulate:
+        message = "measurement files have no features; leave --simulate out, and give --script for an operator"
+        raise UsageError(message)
+    choice = FeaturesChoice(feature_codes(codes), file, model, first)
+    found = digitise_features(instrument.setup(invocation, LOG), bundle, choice)
+    tell_digitised(invocation.terminal, "digitise features", found, following=f"orip restitute compute {found.log}")
 
 
 def _marks(words: list[str] | None) -> list[MarkChoice]:

@@ -103,12 +103,15 @@ class Visit(NamedTuple):
         The name is only offered: the operator may name another point, or say that there are no more.
     locks : bool
         The left foot switch locks and unlocks a plate; else it skips.
+    hint : str
+        What foot switches and keys do, where that is something else.
     """
 
     sought: tuple[Sought, ...]
     refusal: Literal["FOOT LEFT", "KEY ENTER"]
     is_new: bool = False
     locks: bool = False
+    hint: str = ""
 
 
 class Named(NamedTuple):
@@ -198,10 +201,12 @@ class WaitingHint:
         enter = "ENTER keeps"
         if visit.is_new:
             enter = "digits and ENTER, or a name typed here, name another point, ENTER alone says no more here"
+        hint = visit.hint or (
+            f"the right foot switch digitises, the left one {left}; {enter}; ZERO or another key ends"
+        )
         self._tell(
-            f"waiting for the operator: the right foot switch digitises, the left one {left}; {enter}; ZERO or another "
-            "key ends. Press them at the plate processor, with 'orip drive foot right' or 'orip drive key ENTER' in "
-            f"another window, or, where a drive table is loaded, on the page of 'orip drive watch --link {self._url}'"
+            f"waiting for the operator: {hint}. Press them at the plate processor, with 'orip drive foot right' or "
+            "'orip drive key ENTER' in another window, or, where a drive table is loaded, on the page of 'orip drive watch --link {self._url}'"
         )
 
 
