@@ -253,6 +253,8 @@ class Background:
         self._measuring, self._seconds = measuring, seconds
         self._works: SimpleQueue[_Work | None] | None = None
         self._asked: deque[_Asked] = deque()
+        self.count = 0
+        """Of requests."""
         self.wake: Callable[[], None] = lambda: None
         """Called, in any thread, when something may have been reconsidered."""
 
@@ -277,6 +279,7 @@ class Background:
         MemoryError
             From the request, or if there is no thread for it.
         """
+        self.count += 1
         first = self._submit(partial(operation, self._measuring))
         later = self._submit(self._measuring.reconsider)
         later.add_done_callback(lambda _: self.wake())
