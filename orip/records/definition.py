@@ -288,6 +288,10 @@ RECORD_TYPES: Mapping[str, type] = {
 """The class of each kind of record; the models of a bundle are part of it."""
 
 
+AngleUnit = Literal["degrees", "gon", "radians"]
+"""Of the angles in control files that people write; everything else has degrees."""
+
+
 class ProjectDefinition(Struct, frozen=True):
     """All that orip.toml says, checked and with the defaults filled in.
 
@@ -304,6 +308,7 @@ class ProjectDefinition(Struct, frozen=True):
     control_files: str
     measurement_files: tuple[str, ...]
     ground_unit: str = "m"
+    angle_unit: AngleUnit = "degrees"
     crs: str | None = None
     cameras: tuple[Camera, ...] = ()
     temticks: tuple[Temtick, ...] = ()

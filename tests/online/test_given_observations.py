@@ -83,6 +83,22 @@ def test_the_state_is_that_of_an_adjustment_without_it_and_with_it(tmp_path: Pat
     assert asked.session.measuring.block is block, "it has begun again"
 
 
+def test_covariances_between_points_are_left_to_the_adjustment(tmp_path: Path) -> None:
+    """Each point has its own; those with other points count in `solve` alone."""
+    own = "1 1 4e-4 1e-4 0 1e-4 4e-4 0 0 0 9e-4\n"
+    figures = {}
+    for name, text in (("own", own), ("both", f"{own}1 2 1e-4 0 0 0 1e-4 0 0 0 1e-4\n")):
+        made = project(tmp_path / name)
+        (made / "FIRST.COV").write_text(text, encoding="utf-8")
+        figures[name] = adjusted(made)
+    asked = Asked(tmp_path / "both")
+    agree(asked.figures(), figures["own"])
+    assert figures["own"] != figures["both"]
+    assert asked(do="solve")["status"] == "converged"
+    points = json.loads((tmp_path / "both" / "result.json").read_text(encoding="utf-8"))["points"]
+    assert points["P1"]["Z"]["sd"] == pytest.approx(figures["both"]["P1"][5], rel=1e-6)
+
+
 def test_what_is_not_observed_is_said(tmp_path: Path) -> None:
     adjusted(project(tmp_path / "session"))
     asked = Asked(tmp_path / "session")

@@ -41,6 +41,7 @@ def project_definition(source: ProjectSource, project: ProjectTable) -> ProjectD
         control_files=project.name if project.control_files is None else project.control_files,
         measurement_files=project.measurement_files,
         ground_unit=project.ground_unit,
+        angle_unit=project.angle_unit,
         crs=project.crs,
         cameras=with_shared_lenses(camera.record for camera in source.cameras),
         temticks=tuple(temtick.record for temtick in source.temticks),
@@ -85,6 +86,7 @@ def project_document(definition: ProjectDefinition) -> TomlTable:
         "measurement_files": list(definition.measurement_files),
         "output_folder": definition.output_folder,
         "ground_unit": definition.ground_unit,
+        "angle_unit": None if definition.angle_unit == "degrees" else definition.angle_unit,
         "crs": definition.crs,
     }
     return {

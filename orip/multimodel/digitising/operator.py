@@ -206,7 +206,8 @@ class WaitingHint:
         )
         self._tell(
             f"waiting for the operator: {hint}. Press them at the plate processor, with 'orip drive foot right' or "
-            "'orip drive key ENTER' in another window, or, where a drive table is loaded, on the page of 'orip drive watch --link {self._url}'"
+            "'orip drive key ENTER' in another window, or, where a drive table is loaded, on the page of "
+            f"'orip drive watch --link {self._url}'"
         )
 
 

@@ -127,6 +127,7 @@ class BundleState(Struct, frozen=True, dict=True):
             (project.shown(project.exterior), digest_of_records([self.definition])),
             (project.shown(project.observations(self.name)), self.digest_of_observations),
             *project.crs_digest,
+            *project.angle_digest,
             *project.antenna_digest,
             *project.terrain_digest,
             *project.rig_digest,

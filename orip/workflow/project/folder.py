@@ -115,6 +115,12 @@ class ProjectFolder(Struct, frozen=True):
         return () if crs is None else ((f"crs of {PROJECT_FILE}", record_digest((crs,))),)
 
     @property
+    def angle_digest(self) -> tuple[tuple[str, str], ...]:
+        """Return the name, in messages, and the digest of the unit of angles; none of degrees."""
+        unit = self.definition.angle_unit
+        return () if unit == "degrees" else ((f"angle_unit of {PROJECT_FILE}", record_digest((unit,))),)
+
+    @property
     def antenna_digest(self) -> tuple[tuple[str, str], ...]:
         """Return the name, in messages, and the digest of each antenna."""
         antennas = self.definition.antennas
