@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from contextlib import nullcontext
 from math import isfinite
 from pathlib import Path
@@ -15,6 +16,7 @@ from orip.cli.options import LINK_VARIABLE, BundleArgument, BundleOption, Invoca
 from orip.errors import UsageError
 
 if TYPE_CHECKING:
+    from orip.multimodel.digitising.screen import Screen
     from orip.multimodel.digitising.setup import DigitisingSetup
     from orip.multimodel.digitising.wanted import MarkChoice
 
@@ -35,6 +37,9 @@ ScriptOption = Annotated[
     typer.Option(
         "--script", metavar="FILE", help="What the operator does: MOVE dx dy, FOOT RIGHT, KEY ENTER; '-': stdin."
     ),
+]
+ScreenOption = Annotated[
+    bool, typer.Option("--screen", help="Keys, plates, results and measurements on one screen of the terminal.")
 ]
 DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Show the order and the places; needs no link.")]
 KindOption = Annotated[
@@ -59,11 +64,12 @@ NamesArgument = Annotated[list[str] | None, typer.Argument(metavar="NAME", help=
 
 
 class Instrument(NamedTuple):
-    """Where to digitise: at which plate processor, and who operates it."""
+    """Where to digitise: at which plate processor, who operates it, and what he sees."""
 
     link: LinkOption = None
     simulate: SimulateOption = None
     script: ScriptOption = None
+    screen: ScreenOption = False
 
     def setup(self, invocation: Invocation, log: Path, *, dry_run: bool = False) -> DigitisingSetup:
         """Return what the commands digitise with, and the log that they write to.
@@ -74,6 +80,10 @@ class Instrument(NamedTuple):
             If there is no plate processor to digitise at, or there are two operators.
         """
         from orip.multimodel.digitising.setup import by_link, rehearsal
+
+        if self.screen and (self.script is not None or not sys.stdout.isatty()):
+            message = "--screen is for an operator at a terminal; leave it out with --script, or where output is kept"
+            raise UsageError(message)
 
         if self.simulate and self.script is not None:
             message = "the operator is simulated, or does what a script says; give --simulate or --script"
@@ -87,8 +97,9 @@ class Instrument(NamedTuple):
             )
             raise UsageError(message)
         return by_link(
-            invocation.folder, log, self.link, invocation.terminal.say, simulate=self.simulate or (), script=self.script
-        )
+            invocation.folder, log, self.link, invocation.terminal.say, simulate=self.simulate or (),
+            script=self.script, screen=_screen() if self.screen else None,
+        )  # fmt: skip
 
 
 class Orienting(NamedTuple):
@@ -347,6 +358,16 @@ def features_command(
     choice = FeaturesChoice(feature_codes(codes), file, model, first)
     found = digitise_features(instrument.setup(invocation, LOG), bundle, choice)
     tell_digitised(invocation.terminal, "digitise features", found, following=f"orip restitute compute {found.log}")
+
+
+def _screen() -> Screen:
+    from orip.multimodel.digitising.screen import Screen
+
+    def write(text: str) -> None:
+        sys.stdout.write(text)
+        sys.stdout.flush()
+
+    return Screen("digitise", write)
 
 
 def _marks(words: list[str] | None) -> list[MarkChoice]:

@@ -58,6 +58,9 @@ class Instrument(Protocol):
     def position(self, system: Literal["OBJECT"]) -> ObjectReadout:
         """Return where the mark is in the object."""
 
+    def plates(self) -> tuple[Position, Position]:
+        """Return where the mark is on the upper and the lower plate."""
+
     def status(self) -> Status:
         """Return what is set."""
 
@@ -136,12 +139,17 @@ class AtTheProcessor:
         Called before he is waited for.
     typed : function or None
         Returns the next line that he has typed at the terminal; None: there is none.
+    look : function of the plate processor, or None
+        Called while he is waited for.
     """
 
     def __init__(
-        self, waiting: Callable[[Visit], None] | None = None, typed: Callable[[], str | None] | None = None
+        self,
+        waiting: Callable[[Visit], None] | None = None,
+        typed: Callable[[], str | None] | None = None,
+        look: Callable[[Instrument], None] | None = None,
     ) -> None:
-        self._waiting, self._typed = waiting, typed
+        self._waiting, self._typed, self._look = waiting, typed, look
 
     def act(self, link: Instrument, visit: Visit) -> Event | Named:
         """Wait for him."""
@@ -150,6 +158,8 @@ class AtTheProcessor:
         while (event := link.next_event()) is None:
             if visit.is_new and self._typed is not None and (name := self._typed()) is not None:
                 return Named(name)
+            if self._look is not None:
+                self._look(link)
             time.sleep(PAUSE_S)
         return event
 

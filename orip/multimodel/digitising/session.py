@@ -203,6 +203,10 @@ class Rehearsal:
         """Return no position in the object."""
         return ObjectReadout((0.0, 0.0, 0.0), 0.0)
 
+    def plates(self) -> tuple[Position, Position]:
+        """Return where they were driven to."""
+        return self._plates["UPPER"], self._plates["LOWER"]
+
     def status(self) -> Status:
         """Return that nothing is set."""
         return Status("-", "BOTH", "OUTSIDE", None, (0, 0), False)
