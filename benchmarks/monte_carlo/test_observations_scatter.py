@@ -45,7 +45,8 @@ def test_sigma0_of_a_kind_is_1_in_200_blocks(kind):
     # of given directions, with a redundancy of 8, it is 1.8 %
     assert found["kind"] == pytest.approx(1.0, abs=0.03 if kind == "terrain" else 0.05)
     assert 0.97 <= found["all"] <= 1.03
-    assert 0.97 <= found["points"] <= 1.03
+    # what control says of the whole block is in all points: of the 1400 errors of movements it is 1.9 %
+    assert found["points"] == pytest.approx(1.0, abs=0.05)
 
 
 def named(kind: str, runs: int) -> tuple[float, float]:
