@@ -99,9 +99,15 @@ class NoiseFactors(Part, frozen=True):
 
 
 class Imu(Part, frozen=True):
-    """A smoothed trajectory: seconds since 1980-01-06, m, radians; medians of standard deviations east, north, up."""
+    """A smoothed trajectory: seconds since 1980-01-06, m, radians; medians of standard deviations east, north, up.
 
-    command: Literal["imu"]
+    `forward`: of the filter alone. `innovations`: positions less predicted ones, in standard deviations (RMS).
+    """
+
+    command: Literal["imu smooth"]
+    forward: bool
+    standing: int
+    innovations: float | None
     files: list[str]
     dry_run: bool
     time_system: str
@@ -115,3 +121,26 @@ class Imu(Part, frozen=True):
     gyro_bias: list[float]
     accelerometer_bias: list[float]
     warnings: list[Warned]
+
+
+class SensorNoise(Part, frozen=True):
+    """Of one axis: random walk per root of s, bias instability, random walk of the bias; Allan deviations."""
+
+    random_walk: float
+    instability: float
+    bias_walk: float
+    tau: list[float]
+    deviation: list[float]
+
+
+class ImuNoise(Part, frozen=True):
+    """Noise of an inertial unit that stood: rad/s, m/s², s, along forward, right, down; and the values of `noise`."""
+
+    command: Literal["imu noise"]
+    file: str
+    duration: float
+    gyro: list[SensorNoise]
+    accelerometer: list[SensorNoise]
+    gyro_mean: list[float]
+    force_mean: list[float]
+    noise: list[float]
