@@ -43,6 +43,20 @@ class BaseOptions(NamedTuple):
     ] = None
 
 
+class AntennaOptions(NamedTuple):
+    """Calibrations of antennas."""
+
+    antex: Annotated[
+        Path | None, typer.Option("--antex", metavar="FILE", help="Calibrations of the antennas (and satellites).")
+    ] = None
+    rover_antenna: Annotated[
+        str, typer.Option("--rover-antenna", metavar="TYPE", help="Type and radome; else the header's.")
+    ] = ""
+    base_antenna: Annotated[
+        str, typer.Option("--base-antenna", metavar="TYPE", help="Type and radome; else the header's.")
+    ] = ""
+
+
 class UsedOptions(NamedTuple):
     """What is used of the observations."""
 
@@ -61,10 +75,11 @@ def register(app: typer.Typer) -> None:
     @command(app, "gnss")
     def gnss_command(
         invocation: Invocation,
-        rover: Annotated[Path, typer.Argument(metavar="ROVER", help="Observations (RINEX) of the receiver.")],
+        rover: Annotated[Path, typer.Argument(metavar="ROVER", help="Observations: RINEX, UBX, RTCM 3.")],
         base: Annotated[Path, typer.Argument(metavar="BASE", help="Those of a receiver at a known place.")],
         orbits: Annotated[list[Path], typer.Argument(metavar="NAV...", help="Orbits: RINEX, SP3 and CLK.")],
         places: BaseOptions,
+        antennas: AntennaOptions,
         used: UsedOptions,
         way: Annotated[
             str, typer.Option("--way", metavar="WAY", help="kinematic, static, or epochs: each alone.")
@@ -91,13 +106,14 @@ def register(app: typer.Typer) -> None:
         files = GnssFiles(
             folder / rover, folder / base, tuple(folder / path for path in orbits), _way(way), _place(places.place),
             places.rover_height, places.base_height, _elevation(used.elevation), _systems(used.systems),
-            _frequencies(used.frequencies),
+            _frequencies(used.frequencies), None if antennas.antex is None else folder / antennas.antex,
+            antennas.rover_antenna, antennas.base_antenna,
         )  # fmt: skip
         if point is not None and files.way != "static":
             message = "--point writes the place of a receiver that stands; add --way static"
             raise UsageError(message)
         target = folder / (output or Path(f"{rover.name.split('.')[0] or rover.name}.pos"))
-        require_solution(target, [files.rover, files.base, *files.orbits])
+        require_solution(target, [files.rover, files.base, *files.orbits, *([files.antex] if files.antex else [])])
         result = process_gnss(files)
         added = None if point is None else _add_point(invocation, result, point, dry_run=dry_run)
         if not dry_run:

@@ -22,7 +22,7 @@ from trajectory.inertial_flight import (
     written,
 )
 
-from orip.stations.gnss.receiver_data import moment
+from orip.stations.gnss.calendar import moment
 from orip.stations.inertial.alignment import align, course_deviation, level_deviation
 from orip.stations.inertial.common_errors import common_errors
 from orip.stations.inertial.findings import Named, findings, fix_statistics
@@ -47,7 +47,7 @@ def solved(imu: ImuSamples, fixes: Fixes, noise: ImuNoise = MEMS, **given: objec
 
 @pytest.mark.parametrize("noise", [MEMS, TACTICAL], ids=["mems", "tactical"])
 def test_the_filter_is_as_far_from_the_truth_as_it_says(truth, noise):
-    """Its errors within a run are correlated over seconds: some thirty independent ones of each coordinate."""
+    """Its errors within a run are correlated over strips: some twelve independent ones of each coordinate."""
     place, attitude, innovation = [], [], []
     for run in range(4):
         found = solved(*observed(truth, noise, np.random.default_rng(run)), noise)
@@ -68,7 +68,7 @@ def test_the_filter_is_as_far_from_the_truth_as_it_says(truth, noise):
         assert (deviations(smoothed.place_covariance[5:-1]) < deviations(states.place_covariance[same])).all()
     for values in (place, attitude):
         rms = np.sqrt(np.mean(np.concatenate(values) ** 2))
-        assert abs(rms - 1.0) < 4.0 / np.sqrt(2.0 * 3 * 30 * 4), rms
+        assert abs(rms - 1.0) < 4.0 / np.sqrt(2.0 * 3 * 12 * 4), rms
     tested = np.concatenate(innovation)
     # innovations are independent of each other: their sum of squares is chi-squared with 3 for each
     low, high = chi2.ppf([1e-4, 1.0 - 1e-4], 3 * len(tested))
