@@ -19,7 +19,7 @@ from orip.bundle.unknowns import CONSTANT, number_unknowns
 from orip.geometry.rotation import angles_from_rotation
 from orip.planning.forecast import with_rays
 from orip.planning.placement import Candidate
-from orip.planning.plan import looking_along
+from orip.planning.rings import looking_along
 from orip.records.block import Block
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.photo import Photo

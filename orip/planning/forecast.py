@@ -107,6 +107,11 @@ class Forecast(Struct, frozen=True):
         return float(self.solution.cameras.sd[0][CAMERA_PARAMETERS.index(parameter)])
 
     @property
+    def held(self) -> tuple[str, ...]:
+        """Return the parameters of the camera that nothing determines: all figures are as if they were known."""
+        return tuple(one.kind for one in self.solution.singular if one.group == "CAMERA")
+
+    @property
     def smallest_bias(self) -> float:
         """Return the median of the smallest blunder that is found in a photo coordinate, mm; NaN: none would be."""
         found = reliability_of(self.solution).minimal_detectable_bias[: 2 * len(self.solved.block.photo_points.photo)]
@@ -144,16 +149,6 @@ def tie_points(frame: FloatArray, c: float, stations: Sequence[Station], terrain
     x, y = np.meshgrid(*(np.arange(a + 0.31 * step, b, step) for a, b in zip(low, high, strict=True)))
     plan = np.column_stack([x.ravel(), y.ravel()])
     return np.column_stack([plan, terrain(plan)])
-
-
-def points_of_box(centre: Sequence[float], size: Sequence[float], count: int) -> FloatArray:
-    """Return points (n, 3) spread over a box, about so many."""
-    side = max(2, round(count ** (1.0 / 3.0)))
-    parts = np.linspace(-0.45, 0.45, side)
-    grid = np.stack(np.meshgrid(parts, parts, parts, indexing="ij"), axis=-1).reshape(-1, 3)
-    # a grid in planes through the axes would leave distortion less determined than an object does
-    shift = 0.05 * np.sin(np.arange(3 * len(grid)).reshape(-1, 3) * 2.399963)
-    return np.asarray(centre + (grid + shift) * size)
 
 
 def design_block(design: Design) -> Block:

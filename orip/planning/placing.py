@@ -227,13 +227,13 @@ def _distance_of(given: Given, stations: Sequence[Station]) -> float:
     """Return the height above ground, or the distance from the object."""
     places: FloatArray = np.array([station.position for station in stations])
     if given.settings.kind == "rings":
-        return float(np.median(np.linalg.norm(places - given.settings.centre, axis=1)))
+        return float(np.median(np.linalg.norm(places - given.object.centre, axis=1)))
     return float(np.median(places[:, 2] - given.terrain(places[:, :2])))
 
 
 def _rounded(values: FloatArray) -> FloatArray:
     """Return lengths that are to be measured, as a text gives them."""
-    return np.asarray(values.round(_DECIMALS))
+    return np.asarray(values.round(_DECIMALS) + 0.0)  # no -0.0
 
 
 def _new_names(prefix: str, count: int, taken: set[str]) -> list[str]:

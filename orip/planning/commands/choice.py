@@ -136,6 +136,10 @@ def _tell_variants(terminal: Terminal, found: list[Variant], given: Given) -> No
             f"{row['variant']:{width}}  {row['photos']:6d}  {row['minutes']:7.1f}  {median}  "
             f"{short(row['point_sd_largest'][2]):>9}  {length:>9}  {short(row['smallest_bias_mm']):>9}"
         )
+    for variant in found:
+        if variant.forecast.held:
+            held = ", ".join(variant.forecast.held)
+            lines.append(f"{variant.name}: nothing determines {held}; its row is as if {held} were known")
     terminal.data("\n".join(lines))
 
 
