@@ -15,7 +15,7 @@ SchemaName = Literal[
     "camera-plot", "check", "compare", "control-edit", "control-list", "covariance", "detect", "digitise",
     "digitise-ground", "drive-download", "drive-emulate", "drive-panel", "drive-profile", "drive-table",
     "drive-to", "drive-watch", "drive-where", "error", "export", "export-toml", "formats", "gnss", "import",
-    "imu", "init", "match", "measure", "model-coordinates", "observation-edit", "observations",
+    "imu", "imu-noise", "init", "match", "measure", "model-coordinates", "observation-edit", "observations",
     "online-demo", "online-reconsidered", "plan", "plan-clock", "plan-compare", "plan-export", "plan-flown",
     "plan-follow", "plan-forecast", "plan-place", "plan-show", "prelim", "project-made", "record", "record-edit",
     "records", "relative", "report", "result", "result-part", "results", "sample-written", "samples",

@@ -12,6 +12,7 @@ import typer
 from orip.cli.options import DryRunOption, Invocation, add_group, command
 from orip.cli.terminal import warning_rows
 from orip.errors import UsageError
+from orip.stations.imu_form import FormOptions, form_of, numbers_of, three_numbers
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -19,25 +20,7 @@ if TYPE_CHECKING:
     from orip.arrays import FloatArray
     from orip.records.epochs import Epochs
     from orip.stations.inertial.dense import ImuResult
-    from orip.stations.inertial.files import ImuForm
     from orip.stations.inertial.samples import ImuNoise
-
-
-class FormOptions(NamedTuple):
-    """How the file of the unit is to be read."""
-
-    columns: Annotated[
-        str | None, typer.Option("--columns", metavar="NAMES", help="Of time,fx,fy,fz,wx,wy,wz in order; -: not used.")
-    ] = None
-    force_unit: Annotated[str, typer.Option("--force-unit", metavar="UNIT", help="m/s2 or g.")] = "m/s2"
-    rate_unit: Annotated[str, typer.Option("--rate-unit", metavar="UNIT", help="rad/s or deg/s.")] = "rad/s"
-    mount: Annotated[
-        str, typer.Option("--mount", metavar="R,P,Y", help="Roll, pitch, yaw of the unit on the body, degrees.")
-    ] = "0,0,0"
-    time: Annotated[
-        str | None, typer.Option("--time", metavar="SYSTEM", help="gps, week, unix-gps, unix-utc; else what fits.")
-    ] = None
-    shift: Annotated[float, typer.Option("--shift", metavar="SECONDS", help="Added to the times of the samples.")] = 0.0
 
 
 class ModelOptions(NamedTuple):
@@ -124,7 +107,7 @@ def _register(group: typer.Typer) -> None:
             raise UsageError(message)
         files = ImuFiles(
             folder / imu, folder / positions, form_of(form), _noise(model.noise),
-            _three("--lever-arm", model.lever_arm, 50.0), _time(form.time), model.rate, not model.as_given,
+            three_numbers("--lever-arm", model.lever_arm, 50.0), _time(form.time), model.rate, not model.as_given,
             _epochs(folder, exposures.events), model.forward,
         )  # fmt: skip
         target = folder / (output or Path(f"{imu.name.split('.')[0] or imu.name}.sbet"))
@@ -179,45 +162,13 @@ def _write_stations(
     invocation.terminal.point("stations", f"{count} {would}written to {base}.STA, their differences to {base}.REL")
 
 
-def form_of(options: FormOptions) -> ImuForm:
-    """Return how a file of a unit is to be read."""
-    from orip.stations.inertial.files import COLUMNS, FORCE_UNITS, RATE_UNITS, ImuForm
-
-    names = () if options.columns is None else tuple(word.strip() for word in options.columns.split(","))
-    if names and (set(names) - {*COLUMNS, "-"} or any(names.count(name) != 1 for name in COLUMNS)):
-        message = f"--columns {options.columns}: write each of {','.join(COLUMNS)} once, and - for what is not used"
-        raise UsageError(message)
-    for option, unit, known in (
-        ("--force-unit", options.force_unit, FORCE_UNITS), ("--rate-unit", options.rate_unit, RATE_UNITS),
-    ):  # fmt: skip
-        if unit not in known:
-            message = f"{option} {unit}: write one of {', '.join(known)}"
-            raise UsageError(message)
-    mount = _three("--mount", options.mount, 360.0)
-    return ImuForm(names, options.force_unit, options.rate_unit, mount, options.shift)
-
-
-def _three(option: str, text: str, most: float) -> tuple[float, float, float]:
-    numbers = _numbers(text)
-    if len(numbers) != 3 or not np.all(np.abs(numbers) <= most):
-        message = f"{option} {text}: write three numbers from {-most:g} to {most:g}, such as 0.1,0,-0.3"
-        raise UsageError(message)
-    return numbers[0], numbers[1], numbers[2]
-
-
-def _numbers(text: str) -> list[float]:
-    from orip.files.text.decimal_numbers import is_number, parse_number
-
-    return [parse_number(part) if is_number(part) else np.nan for part in text.split(",")]
-
-
 def _noise(text: str) -> ImuNoise:
     from orip.stations.inertial.processing import NOISES
     from orip.stations.inertial.samples import ImuNoise
 
     if text in NOISES:
         return NOISES[text]
-    numbers = _numbers(text)
+    numbers = numbers_of(text)
     if len(numbers) != 6 or not np.all(np.array(numbers) > 0.0):
         message = f"--noise {text}: write one of {', '.join(NOISES)}, or six numbers above 0 (orip imu smooth --help)"
         raise UsageError(message)

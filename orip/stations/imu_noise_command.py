@@ -11,7 +11,7 @@ import typer
 
 from orip.cli.options import Invocation, command
 from orip.errors import Complaint, InputError
-from orip.stations.imu_command import FormOptions, form_of
+from orip.stations.imu_form import FormOptions, form_of
 
 if TYPE_CHECKING:
     from orip.stations.inertial.allan import AxisNoise, StandingNoise

@@ -165,7 +165,8 @@ def allan_variance(time: FloatArray, values: FloatArray) -> tuple[FloatArray, Fl
         sizes = sizes[sizes >= _SMOOTHED]
     variance = np.array([_variance(integral, size, step) for size in sizes.tolist()])
     kept = variance > 0.0
-    return sizes[kept] * step, variance[kept], np.maximum(len(values) / sizes[kept] - 1.0, 1.0)
+    tau, count = np.asarray(sizes[kept] * step, dtype=np.float64), np.maximum(len(values) / sizes[kept] - 1.0, 1.0)
+    return tau, variance[kept], np.asarray(count, dtype=np.float64)
 
 
 def _sizes(count: int) -> IntArray:

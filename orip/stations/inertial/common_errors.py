@@ -114,15 +114,15 @@ def said_of_common_errors(found: CommonErrors, shift: float, lever_arm: Sequence
     """Yield codes and texts of warnings; `shift` and `lever_arm` are those given."""
     other = "; or the lever arm is wrong, which cannot be told apart at an even speed" if found.is_either else ""
     if found.shift is not None:
-        value, deviation = found.shift
+        late, deviation = found.shift
         text = (
-            f"the samples fit the positions best {value:+.4f} ± {deviation:.4f} s later: a time offset; "
-            f"add --shift {shift + value:.4f}{other}"
+            f"the samples fit the positions best {late:+.4f} ± {deviation:.4f} s later: a time offset; "
+            f"add --shift {shift + late:.4f}{other}"
         )
         yield "time-offset", text
     if found.lever_arm is not None and not found.is_either:
-        value, deviation = found.lever_arm
+        value, sds = found.lever_arm
         new = ",".join(f"{given + more:.2f}" for given, more in zip(lever_arm, value, strict=True))
-        sds = ", ".join(f"{one:.2f}" for one in deviation)
-        text = f"the positions fit best with --lever-arm={new} (standard deviations {sds} m): measure it again"
+        said = ", ".join(f"{one:.2f}" for one in sds)
+        text = f"the positions fit best with --lever-arm={new} (standard deviations {said} m): measure it again"
         yield "lever-arm", text

@@ -24,6 +24,9 @@ _PART = 200
 _RELINEARISED = 0.005
 """Change (radians, m, m/s) from which equations are formed again."""
 
+_FOUND, _SKIPPED = np.radians(1.0), 100
+"""Standard deviation from which they are formed again every so many updates only: it costs what all states cost."""
+
 JUST_BEFORE = 1e-4
 """Seconds before a fix at which its prediction stands in the filter's trajectory."""
 
@@ -101,9 +104,10 @@ class _Filter:
         # Biases are known some 10^5 times less precisely than their changes in a step: too much for Cholesky's squares.
         parameters = graph.gtsam.ISAM2Params()
         parameters.setFactorization("QR")
-        # while the course is being found, covariances at attitudes of some epochs ago promise too much
-        parameters.relinearizeSkip = 1
-        parameters.setRelinearizeThreshold(_RELINEARISED)
+        if keeps:
+            parameters.relinearizeSkip = _SKIPPED
+            parameters.setRelinearizeThreshold(_RELINEARISED)
+        self._is_finding = keeps
         self._tree = graph.gtsam.ISAM2(parameters)
         self._new, self._fresh = graph.gtsam.NonlinearFactorGraph(), graph.first_values()
         self.rows: list[dict[str, Any]] = []
@@ -143,7 +147,8 @@ class _Filter:
     def _updated(self, at: int, before: float = 0.0) -> tuple[Any, Any]:
         """Return a state and its biases with all that was added, and keep them."""
         graph, gtsam, tree = self._graph, self._graph.gtsam, self._tree
-        tree.update(self._new, self._fresh)
+        # while the attitude is being found, covariances at attitudes of some epochs ago promise too much
+        tree.update(self._new, self._fresh, force_relinearize=self._is_finding)
         self._new, self._fresh = gtsam.NonlinearFactorGraph(), gtsam.Values()
         pose = tree.calculateEstimatePose3(graph.x(at))
         velocity = tree.calculateEstimateVector(graph.v(at))
@@ -162,6 +167,7 @@ class _Filter:
                 "accelerometer_bias": bias.accelerometer(),
             })  # fmt: skip
             self._pose_covariance = covariance
+            self._is_finding = float(np.trace(covariance[:3, :3])) > _FOUND**2
         return gtsam.NavState(pose, velocity), bias
 
     def _test(self, at: int, state: Any) -> None:
