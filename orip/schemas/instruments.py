@@ -73,7 +73,7 @@ class DoubtedEpochs(Part, frozen=True):
 class Gnss(Part, frozen=True):
     """Positions of a receiver: m, m², geocentric; place, covariance and closure of one that stands, else null."""
 
-    command: Literal["gnss"]
+    command: Literal["gnss positions"]
     file: str
     dry_run: bool
     way: Literal["static", "kinematic", "epochs"]
@@ -144,3 +144,39 @@ class ImuNoise(Part, frozen=True):
     gyro_mean: list[float]
     force_mean: list[float]
     noise: list[float]
+
+
+class NetworkMark(Part, frozen=True):
+    """A mark: geocentric, m, and in the project's coordinates with standard deviations."""
+
+    name: str
+    place: list[float]
+    X: float
+    Y: float
+    Z: float
+    error: list[float]
+
+
+class NetworkLine(Part, frozen=True, rename={"first": "from", "second": "to"}):
+    """A baseline; the residual is adjusted less observed, geocentric, m."""
+
+    first: str
+    second: str
+    fixed: bool
+    residual: list[float]
+    wrong: bool
+
+
+class GnssNetwork(Part, frozen=True):
+    """A network of baselines with one mark held; covariances of all marks, geocentric, m²."""
+
+    command: Literal["gnss network"]
+    files: list[str]
+    dry_run: bool
+    held: str
+    marks: list[NetworkMark]
+    baselines: list[NetworkLine]
+    sigma0: float | None
+    redundancy: int
+    covariance: list[list[float]]
+    warnings: list[Warned]

@@ -187,7 +187,7 @@ def process_gnss(files: GnssFiles) -> GnssResult:
     forward, backward_solution = directions
     if not len(forward) or not len(backward_solution):
         message = (
-            f"RTKLIB finds no position: {_common(rover, base)} epochs and "
+            f"RTKLIB finds no position: {common_epochs(rover, base)} epochs and "
             f"{len(rover.satellites & base.satellites)} satellites in common, satellites above {files.elevation:g} "
             "degrees are used; are orbits of all of them there, and code and phase of at least five at a time?"
         )
@@ -195,7 +195,7 @@ def process_gnss(files: GnssFiles) -> GnssResult:
     joined = forward_alone(forward) if files.way == "static" else join_directions(forward, backward_solution)
     last, other = forward.place[-1], backward_solution.place[-1]
     result = GnssResult(
-        rover, base, settings, program, joined, doubted_stretches(joined), _common(rover, base),
+        rover, base, settings, program, joined, doubted_stretches(joined), common_epochs(rover, base),
         last, forward.covariance[-1], last - other, tuple(warnings),
     )  # fmt: skip
     return replace(result, warnings=(*warnings, *_doubts(result)))
@@ -248,14 +248,14 @@ def _complaints(
     if rover.data == base.data:
         yield Complaint("rover and base are the same file; give the observations of two receivers", rover.shown)
         return
-    if not _common(rover, base):
+    if not common_epochs(rover, base):
         yield Complaint(
             f"rover and base have no epoch in common: {rover.span} in {rover.shown}, {base.span} in {base.shown} "
             "(GPS time); give files of the same hours",
             rover.shown,
         )
         return
-    if files.way == "static" and _common(rover, base) == 1:
+    if files.way == "static" and common_epochs(rover, base) == 1:
         yield Complaint("there is one epoch in common; a baseline that stands needs many: --way epochs", rover.shown)
     common = {name for name in rover.satellites & base.satellites if name[0] in files.systems}
     if not common:
@@ -323,7 +323,7 @@ def _antenna(part: ReceiverFile, height: float | None) -> tuple[float, float, fl
     return east, north, up if height is None else height
 
 
-def _common(rover: ReceiverFile, base: ReceiverFile) -> int:
+def common_epochs(rover: ReceiverFile, base: ReceiverFile) -> int:
     """Return how many epochs of the rover the base observed too."""
     at = np.searchsorted(base.time, rover.time)
     before, after = base.time[np.maximum(at - 1, 0)], base.time[np.minimum(at, len(base.time) - 1)]
