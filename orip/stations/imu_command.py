@@ -65,7 +65,8 @@ def register(app: typer.Typer) -> None:
     """Add the group of commands; without the name of one of them it is `smooth`."""
     text = (
         "Smooth a trajectory with attitudes from inertial data and positions; noise of a unit.\n\n"
-        "'orip imu IMU GNSS' is 'orip imu smooth IMU GNSS'."
+        "'orip imu IMU GNSS' is 'orip imu smooth IMU GNSS'.\n\n"
+        "Example: orip imu imu.csv flight.pos --mount 180,0,-90"
     )
     add_group(app, "imu", text, _register, default="smooth")
 

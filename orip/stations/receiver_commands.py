@@ -11,7 +11,8 @@ def register(app: typer.Typer) -> None:
     """Add the group of commands; without the name of one of them it is `positions`."""
     text = (
         "Positions of a receiver, or a network of receivers that stand, with RTKLIB.\n\n"
-        "'orip gnss ROVER BASE NAV...' is 'orip gnss positions ROVER BASE NAV...'."
+        "'orip gnss ROVER BASE NAV...' is 'orip gnss positions ROVER BASE NAV...'.\n\n"
+        "Example: orip gnss flight.obs base.obs flight.nav"
     )
     add_group(app, "gnss", text, _register, default="positions")
 

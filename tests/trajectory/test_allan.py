@@ -88,8 +88,8 @@ def record(folder: Path, hours: float, **change: float) -> None:
     random = np.random.default_rng(5)
     time = times(hours)
     count = len(time)
-    rate = [*np.column_stack([white(count, random) for _ in range(3)]), 0.001, 0.0, 0.0]
-    force = [*np.column_stack([white(count, random, 0.0006) for _ in range(3)]), 0.0, 0.0, -9.83]
+    rate = np.column_stack([white(count, random) for _ in range(3)]) + np.array([1e-3, 0.0, 0.0])
+    force = np.column_stack([white(count, random, 6e-4) for _ in range(3)]) + np.array([0.0, 0.0, -9.83])
     if "moves" in change:
         rate[count // 2 :] += [0.0, change["moves"], 0.0]
     table = np.column_stack([time, force, rate])
