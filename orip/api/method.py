@@ -77,6 +77,8 @@ class Block:
     stations : Stations, optional
     antennas : sequence of dict
         With the keys and values of ``[[antenna]]``.
+    rigs, exposures : sequence of dict
+        With those of ``[[rig]]``, whose ``camera`` is a list of dicts, and of ``[[exposure]]``.
     preliminary_points : PreliminaryPoints, optional
     name : str
         Of the bundle adjustment, in results and messages.
@@ -124,6 +126,8 @@ class Block:
         figures: Figures | None = None,
         stations: Stations | None = None,
         antennas: Sequence[Mapping[str, Any]] = (),
+        rigs: Sequence[Mapping[str, Any]] = (),
+        exposures: Sequence[Mapping[str, Any]] = (),
         preliminary_points: PreliminaryPoints | None = None,
         name: str = "MAIN",
         ground_unit: str = "m",
@@ -163,6 +167,8 @@ class Block:
             figures,
             stations,
             antennas,
+            rigs,
+            exposures,
             preliminary_points,
             ground_unit,
             crs,
