@@ -198,7 +198,7 @@ def gather_bundle(inputs: BlockInput) -> Block:
         raise InputError((*causes, *inputs.interior.complaints, *error.complaints)) from None
     found = (
         *systems,
-        *inputs.warnings,
+        *block.warnings,
         *measurement_warnings(inputs.records, inputs.measured, inputs.interior),
         *block_warnings(block, inputs.control),
         *block.ground.warnings,
