@@ -124,6 +124,11 @@ class OnlineSession:
         return self._background.measuring()
 
     @property
+    def changes(self) -> int:
+        """Return the number of requests that may have changed what is measured, since it was read."""
+        return self._background.count
+
+    @property
     def is_busy(self) -> bool:
         """Return whether something is still being reconsidered."""
         return self._background.is_busy
