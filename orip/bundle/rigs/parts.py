@@ -142,7 +142,7 @@ def _similarity(
     bodies: FloatArray, centres: FloatArray, photos: FloatArray, places: FloatArray
 ) -> tuple[FloatArray, float, FloatArray] | None:
     """Return S, s, t of a part from n exposures and its photos of one camera; None where they do not tell."""
-    kept = np.ones(len(bodies), dtype=bool)
+    kept, turn, solution = np.ones(len(bodies), dtype=bool), None, np.zeros(7)
     for _ in range(2):
         turn = _turn(bodies[kept], photos[kept])
         if turn is None:
@@ -151,7 +151,7 @@ def _similarity(
         kept = misfit <= _MISFIT * float(np.median(misfit)) + 1e-12
         if kept.sum() < _FEWEST or solution[3] <= 0.0:
             return None
-    return turn, float(solution[3]), solution[4:]
+    return None if turn is None else (turn, float(solution[3]), solution[4:])
 
 
 def _turn(bodies: FloatArray, photos: FloatArray) -> FloatArray | None:
