@@ -109,7 +109,7 @@ def own_start(block: Block, values: PreliminaryValues) -> StartedBlock:
 def _started_at(
     block: Block, values: PreliminaryValues, orientation: FloatArray, preliminary: Sequence[PreliminaryPoint]
 ) -> StartedBlock:
-    on_rigs = with_parts_on_rigs(replace(block, photo_orientation=orientation))
+    on_rigs = with_parts_on_rigs(replace(block, photo_orientation=orientation), _places(block, values))
     orientation = oriented_by_rigs(on_rigs.block).photo_orientation
     missing: BoolArray = np.asarray(np.isnan(orientation).any(axis=1))
     oriented_by_chain = any(photo.rotation is not None for photo in values.photos)
@@ -127,6 +127,13 @@ def _started_at(
     findings = (ProjectWarning("preliminary-values", "", finding) for finding in values.findings)
     left_out = tuple(_left_out(photo) for photo in compress(values.photos, missing))
     return StartedBlock(started, reduced, left_out, (*findings, *warnings))
+
+
+def _places(block: Block, values: PreliminaryValues) -> FloatArray:
+    """Return the coordinates (p, 3) that the block's points have in its frame, NaN where they have none."""
+    found = dict(zip(values.points.names, values.points.coordinates.tolist(), strict=True))
+    nothing = [np.nan] * 3
+    return np.array([found.get(name, nothing) for name in block.point_names], dtype=np.float64).reshape(-1, 3)
 
 
 def _left_out(photo: PhotoStart) -> ProjectWarning:

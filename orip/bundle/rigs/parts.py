@@ -20,12 +20,16 @@ from scipy.sparse import coo_array
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.rigs.elements import RigState
 from orip.bundle.rigs.starting import oriented_by_rigs, starting_rigs
+from orip.geometry.projection import PROJECTIONS
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.records.block import Block
 from orip.structs import replace
 
 _COMMON = 5
 """Points by which a photo belongs to others: as many as a relative orientation needs."""
+
+_LEAST_COSINE = 0.995
+"""Of the angle, 6 degrees, between a ray and the place of its point: distortion is not taken into account."""
 
 _FEWEST = 3
 """Exposures, control points or stations that place a part."""
@@ -47,18 +51,21 @@ class PlacedParts(NamedTuple):
     moved: BoolArray
 
 
-def with_parts_on_rigs(block: Block) -> PlacedParts:
+def with_parts_on_rigs(block: Block, places: FloatArray) -> PlacedParts:
     """Return the block with each part that nothing else ties to the ground where rigs have it.
 
     Parameters
     ----------
     block : Block
         With orientations (NaN where there are none), each part in a system of its own if nothing ties it.
+    places : array (p, 3)
+        Of the points where these orientations have them, NaN where they are not known: what a photo shows elsewhere
+        does not tie it to others.
     """
     nothing = np.zeros(len(block.point_names), dtype=bool)
     if not block.places_on_rigs().photos:
         return PlacedParts(block, nothing)
-    part = _parts(block)
+    part = _parts(block, _fit(block, places))
     loose = np.flatnonzero(~_tied(block, part))
     if not loose.size:
         return PlacedParts(block, nothing)
@@ -77,9 +84,26 @@ def with_parts_on_rigs(block: Block) -> PlacedParts:
     return PlacedParts(replace(block, photo_orientation=placed), points)
 
 
-def _parts(block: Block) -> IntArray:
+def _fit(block: Block, places: FloatArray) -> BoolArray:
+    """Return which of the rays (n,) point at the places of their points."""
+    rays = block.photo_points
+    orientation, camera = block.photo_orientation[rays.photo], block.photo_camera[rays.photo]
+    towards = places[rays.point] - orientation[:, :3]
+    seen = np.einsum("nji,nj->ni", rotation_from_angles(orientation[:, 3:]), towards)
+    measured = np.full(seen.shape, np.nan)
+    for number, one in enumerate(block.cameras):
+        rows = camera == number
+        c, x0, y0 = one.parameters[:3]
+        measured[rows] = np.column_stack(PROJECTIONS[one.projection].image_vector(c, *(rays.xy[rows] - (x0, y0)).T))
+    with np.errstate(invalid="ignore"):
+        cosine = np.einsum("ni,ni->n", seen, measured)
+        cosine /= np.linalg.norm(seen, axis=1) * np.linalg.norm(measured, axis=1)
+    return np.asarray(cosine > _LEAST_COSINE)
+
+
+def _parts(block: Block, fits: BoolArray) -> IntArray:
     """Return the part (n,) of each photo: a photo of a part has five points at least that others of the part show."""
-    photos, rays = len(block.photos), block.photo_points
+    photos, rays = len(block.photos), block.photo_points.of(np.flatnonzero(fits))
     shape = (photos, len(block.point_names))
     shown = coo_array((np.ones(len(rays.photo), dtype=np.int64), (rays.photo, rays.point)), shape=shape).tocsr()
     shown.data[:] = 1  # a point may be measured twice in a photo
