@@ -126,7 +126,7 @@ OF_ARCHIVES = frozenset({"archive run", "archive report", "archive simulate"})
 """Write in many projects, or in a folder of results; killed in tests/archive/test_killed_archives.py."""
 
 
-WHOLE_TEXTS = frozenset({"match", "detect tags", "detect sheet", "gnss", "imu"})
+WHOLE_TEXTS = frozenset({"match", "detect tags", "detect sheet", "gnss positions", "gnss network", "imu smooth"})
 """Compute for long and write whole files in the end, as others do that are killed: `orip.files.text.atomic`; what
 `match` keeps for its next run is tested with it."""
 
