@@ -42,7 +42,13 @@ from orip.workflow.records.reconcile import with_polynomial
 _PROJECT = "BLOCK"
 """A name that a project must have; it appears nowhere."""
 
-_TABLES = {"camera": "cameras", "photo": "photos", "antenna": "antennas"}
+_TABLES = {
+    "camera": "cameras",
+    "photo": "photos",
+    "antenna": "antennas",
+    "rig": "rigs",
+    "exposure": "exposures",
+}
 """What the sections of orip.toml are called as arguments of a block."""
 
 _KINDS: Mapping[str, tuple[type, bool]] = {
@@ -74,6 +80,8 @@ class Given(Struct, frozen=True):
     given_directions: GivenDirections | None
     stations: Stations | None
     antennas: Sequence[Mapping[str, Any]]
+    rigs: Sequence[Mapping[str, Any]]
+    exposures: Sequence[Mapping[str, Any]]
     preliminary_points: PreliminaryPoints | None
     ground_unit: str
     crs: str | None
@@ -118,13 +126,14 @@ def _wrong_tables(given: Given) -> Iterator[Complaint]:
     cameras: object = given.cameras
     if not isinstance(cameras, list | tuple):
         yield Complaint(f"is {shown_token(repr(cameras))}; a list of orip.Camera is needed", "cameras")
-    antennas: object = given.antennas
-    if not isinstance(antennas, list | tuple):
-        yield Complaint(f"is {shown_token(repr(antennas))}; a list of dicts is needed", "antennas")
-    else:
-        for row, antenna in enumerate(antennas):
-            if not isinstance(antenna, Mapping):
-                yield Complaint(f"is {shown_token(repr(antenna))}; a dict is needed", f"antennas[{row}]")
+    for name in ("antennas", "rigs", "exposures"):
+        dicts: object = getattr(given, name)
+        if not isinstance(dicts, list | tuple):
+            yield Complaint(f"is {shown_token(repr(dicts))}; a list of dicts is needed", name)
+            continue
+        for row, one in enumerate(dicts):
+            if not isinstance(one, Mapping):
+                yield Complaint(f"is {shown_token(repr(one))}; a dict is needed", f"{name}[{row}]")
     for name, (kind, is_needed) in _KINDS.items():
         table = getattr(given, name)
         if not isinstance(table, kind) and (is_needed or table is not None):
@@ -150,8 +159,8 @@ def _block_input(
     measured = Measured(observations={record_key(bundle.name): observations})
     interior = interior_orientation(records, measured)
     unit, crs = definition.ground_unit, definition.crs
-    antennas = definition.antennas
-    return BlockInput(bundle, records, measured, interior, control, preliminary, unit, crs, warnings, antennas)
+    antennas, rigs = definition.antennas, definition.rigs
+    return BlockInput(bundle, records, measured, interior, control, preliminary, unit, crs, warnings, antennas, rigs)
 
 
 # cameras, photos and settings, as the tables of orip.toml
@@ -166,7 +175,9 @@ def _definition(given: Given) -> tuple[ProjectDefinition | None, list[Complaint]
         "project": {"name": _PROJECT, "ground_unit": given.ground_unit} | ({"crs": given.crs} if given.crs else {}),
         "camera": cameras,
         "photo": photos,
-        "antenna": [{key: _plain(value) for key, value in antenna.items()} for antenna in given.antennas],
+        "antenna": list(map(_plain, given.antennas)),
+        "rig": list(map(_plain, given.rigs)),
+        "exposure": list(map(_plain, given.exposures)),
         "bundle": [settings],
     }
     source, faults = checked_tables(document, lambda place: int(place[1]) + 1 if len(place) > 1 else 0)

@@ -79,6 +79,8 @@ class Block:
     stations : Stations, optional
     antennas : sequence of dict
         With the keys and values of ``[[antenna]]``.
+    rigs, exposures : sequence of dict
+        With those of ``[[rig]]``, whose ``camera`` is a list of dicts, and of ``[[exposure]]``.
     preliminary_points : PreliminaryPoints, optional
     name : str
         Of the bundle adjustment, in results and messages.
@@ -127,6 +129,8 @@ class Block:
         given_directions: GivenDirections | None = None,
         stations: Stations | None = None,
         antennas: Sequence[Mapping[str, Any]] = (),
+        rigs: Sequence[Mapping[str, Any]] = (),
+        exposures: Sequence[Mapping[str, Any]] = (),
         preliminary_points: PreliminaryPoints | None = None,
         name: str = "MAIN",
         ground_unit: str = "m",
@@ -167,6 +171,8 @@ class Block:
             given_directions,
             stations,
             antennas,
+            rigs,
+            exposures,
             preliminary_points,
             ground_unit,
             crs,

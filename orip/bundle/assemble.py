@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -118,8 +119,23 @@ def gather(inputs: BlockInput, ground: GroundSystem | None = None) -> Block:
     block = _block_in_project(keys, inputs, ground)
     if complaints := frame_complaints(block):
         raise InputError(tuple(complaints))
-    block = replace(block, warnings=(*block.warnings, *without_motion(block)))
+    block = replace(block, warnings=(*block.warnings, *without_motion(block), *_without_exposures(block)))
     return with_orientations_of_stations(photos_in_frame(block))
+
+
+def _without_exposures(block: Block) -> Iterator[ProjectWarning]:
+    """Yield a warning of each rig of which several cameras have photos, but no exposure has photos of two."""
+    places = block.places_on_rigs()
+    together = Counter(photo.exposure for photo in places.photos)
+    used = {places.rig_of_exposure[exposure] for exposure, count in together.items() if count > 1}
+    cameras = {record_key(photo.camera) for photo in block.photos}
+    for rig in block.rigs.rigs:
+        if rig.name not in used and sum(record_key(one.name) in cameras for one in rig.cameras) > 1:
+            text = (
+                "no exposure has photos of two of its cameras, so that all photos are adjusted one by one; write an "
+                "[[exposure]] with the photos of each instant"
+            )
+            yield ProjectWarning("no-exposures", f"rig {rig.name}", text)
 
 
 def with_starting_values(block: Block) -> tuple[Block, list[ProjectWarning]]:
