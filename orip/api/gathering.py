@@ -10,7 +10,7 @@ from msgspec import Struct
 from msgspec.structs import asdict
 
 from orip.api import control_tables
-from orip.api.control_tables import Columns
+from orip.api.columns import Columns
 from orip.api.given import (
     Camera,
     ControlPoints,
@@ -18,6 +18,7 @@ from orip.api.given import (
     Distances,
     Elements,
     Figures,
+    GivenDirections,
     PhotoPoints,
     Photos,
     PreliminaryPoints,
@@ -58,6 +59,7 @@ _KINDS: Mapping[str, tuple[type, bool]] = {
     "distances": (Distances, False),
     "directions": (Directions, False),
     "figures": (Figures, False),
+    "given_directions": (GivenDirections, False),
     "stations": (Stations, False),
     "preliminary_points": (PreliminaryPoints, False),
 }
@@ -75,6 +77,7 @@ class Given(Struct, frozen=True):
     distances: Distances | None
     directions: Directions | None
     figures: Figures | None
+    given_directions: GivenDirections | None
     stations: Stations | None
     antennas: Sequence[Mapping[str, Any]]
     rigs: Sequence[Mapping[str, Any]]
@@ -97,21 +100,24 @@ def block_input(given: Given) -> BlockInput:
         raise InputError(wrong)
     definition, complaints = _definition(given)
     observations = _observations(given)
-    points, elements = control_tables.control_points(given.control_points), control_tables.elements(given.elements)
+    points, correlations = control_tables.control_points(given.control_points)
+    elements = control_tables.elements(given.elements)
     distances = control_tables.distances(given.distances)
     directions = control_tables.directions(given.directions)
     figures = control_tables.figures(given.figures)
+    given_directions = control_tables.given_directions(given.given_directions)
     stations = control_tables.stations(given.stations)
     preliminary = control_tables.preliminary_points(given.preliminary_points)
     tables: tuple[Parsed[Any], ...] = (
-        observations, points, elements, distances, directions, figures, stations, preliminary,
+        observations, points, elements, distances, directions, figures, given_directions, stations, preliminary,
     )  # fmt: skip
     complaints += [complaint for table in tables for complaint in table.complaints]
     if complaints or definition is None or observations.value is None:
         raise InputError(complaints)
     control = Control(
-        points.value, elements.value, distances.value, directions.value, stations.value, figure_points=figures.value
-    )
+        points.value, elements.value, distances.value, directions.value, stations.value,
+        correlations=correlations, figure_points=figures.value, given_directions=given_directions.value,
+    )  # fmt: skip
     return _block_input(definition, observations.value, control, preliminary.value, points.warnings)
 
 

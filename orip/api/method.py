@@ -15,6 +15,7 @@ from orip.api.given import (
     Distances,
     Elements,
     Figures,
+    GivenDirections,
     PhotoPoints,
     Photos,
     PreliminaryPoints,
@@ -74,6 +75,7 @@ class Block:
     distances : Distances, optional
     directions : Directions, optional
     figures : Figures, optional
+    given_directions : GivenDirections, optional
     stations : Stations, optional
     antennas : sequence of dict
         With the keys and values of ``[[antenna]]``.
@@ -124,6 +126,7 @@ class Block:
         distances: Distances | None = None,
         directions: Directions | None = None,
         figures: Figures | None = None,
+        given_directions: GivenDirections | None = None,
         stations: Stations | None = None,
         antennas: Sequence[Mapping[str, Any]] = (),
         rigs: Sequence[Mapping[str, Any]] = (),
@@ -165,6 +168,7 @@ class Block:
             distances,
             directions,
             figures,
+            given_directions,
             stations,
             antennas,
             rigs,

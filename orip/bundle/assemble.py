@@ -16,6 +16,7 @@ from orip.bundle.figures import with_determined_figures
 from orip.bundle.local_frame import constants_in_frame, frame_complaints, ground_system, photos_in_frame
 from orip.bundle.points.starting import with_starting_points
 from orip.bundle.rigs.starting import with_photos_on_rigs
+from orip.bundle.terrain import with_terrain_heights
 from orip.errors import Complaint, InputError, ProjectWarning
 from orip.interior.additional_parameters import base_of_camera
 from orip.interior.definitions import Definitions
@@ -27,7 +28,7 @@ from orip.records.coded_names import coded
 from orip.records.control import Control, ControlElement, PreliminaryPoint, Station
 from orip.records.definition import Antenna, BundleDefinition
 from orip.records.figures import points_that_count
-from orip.records.ground import GroundSystem
+from orip.records.ground import GroundSystem, TerrainModel
 from orip.records.measurement import Measured, PhotoObservations
 from orip.records.names import places_of_names, record_key
 from orip.records.photo import PHOTO_PARAMETERS, Photo
@@ -60,6 +61,7 @@ class BlockInput(Struct, frozen=True):
     antennas : tuple of Antenna
         All of the project.
     rigs : Rigs
+    terrains : tuple of TerrainModel
     """
 
     definition: BundleDefinition
@@ -73,6 +75,7 @@ class BlockInput(Struct, frozen=True):
     warnings: tuple[ProjectWarning, ...] = ()
     antennas: tuple[Antenna, ...] = ()
     rigs: Rigs = Rigs()
+    terrains: tuple[TerrainModel, ...] = ()
 
     @property
     def observations(self) -> PhotoObservations:
@@ -139,8 +142,9 @@ def with_starting_values(block: Block) -> tuple[Block, list[ProjectWarning]]:
     """Return a gathered block, whose photos all have an orientation, with the starting values of points."""
     block, warnings = with_starting_points(with_photos_on_rigs(block))
     block, of_figures = with_determined_figures(block)
+    block, of_terrain = with_terrain_heights(block)
     block = replace(block, theodolites=theodolite_sets(block))
-    return constants_in_frame(block), [*warnings, *of_figures]
+    return constants_in_frame(block), [*warnings, *of_figures, *of_terrain]
 
 
 def _block_in_project(keys: Sequence[str], inputs: BlockInput, system: GroundSystem | None) -> Block:
@@ -175,6 +179,7 @@ def _block_in_project(keys: Sequence[str], inputs: BlockInput, system: GroundSys
         directions=ground.directions,
         figure_points=ground.figure_points,
         given_directions=ground.given_directions,
+        terrains=inputs.terrains,
         stations=ground.stations,
         differences=ground.differences,
         antennas=inputs.antennas,
