@@ -17,6 +17,7 @@ from orip.geometry.plane import PlaneTransformation
 from orip.interior.in_force import stored_to_log
 from orip.online.answers import Answer, words_of
 from orip.online.first_photos import THOROUGH
+from orip.online.measurements import left_to_the_adjustment
 from orip.online.measuring import Measuring
 from orip.online.online_block import OnlineBlock
 from orip.online.requests import Background, Operation
@@ -97,8 +98,10 @@ class OnlineSession:
     def __init__(self, folder: Path, bundle: str | None, seconds: float | None = None) -> None:
         self._folder, self._seconds = folder, seconds
         self._films = mounted_films(folder, LOG, "heads")
-        self.warnings = self._films.warnings
         self.bundle = self._films.bundle(bundle)
+        control = self._films.state.texts.control_input(self.bundle.name).value.control
+        left = left_to_the_adjustment(self._films.project.definition.rigs, control)
+        self.warnings = (*self._films.warnings, *left)
         if self.bundle.repeated_points == "both":
             message = (
                 f'bundle {self.bundle.name} has repeated_points = "both", and a session replaces what is measured '
@@ -120,6 +123,11 @@ class OnlineSession:
     def measuring(self) -> Measuring:
         """Return what is measured, when nothing is under way any more."""
         return self._background.measuring()
+
+    @property
+    def changes(self) -> int:
+        """Return the number of requests that may have changed what is measured, since it was read."""
+        return self._background.count
 
     @property
     def is_busy(self) -> bool:
@@ -384,11 +392,6 @@ def _states_of(paths: Collection[Path]) -> tuple[tuple[str, int, int], ...]:
 
 def _places(observations: PhotoObservations) -> dict[tuple[str, str], tuple[tuple[float, float], bool]]:
     """Return by photo and point what is measured, and whether it is disregarded."""
-    rows = zip(
-        observations.photos,
-        observations.points,
-        observations.measured.tolist(),
-        observations.disregarded.tolist(),
-        strict=True,
-    )
+    measured, disregarded = observations.measured.tolist(), observations.disregarded.tolist()
+    rows = zip(observations.photos, observations.points, measured, disregarded, strict=True)
     return {(photo, point): ((x, y), is_disregarded) for photo, point, (x, y), is_disregarded in rows}
