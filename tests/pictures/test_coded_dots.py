@@ -78,7 +78,8 @@ def test_dots_of_four_and_five_pixels_are_read(board, distance):
     station = looking_at(board, (0.0, 0.0, 10.0), distance)
     found = find_board(photograph_of(board, CAMERA, station), board)
     assert len(found.marks) == len(board_points(board))
-    assert np.sqrt(np.mean(off_and_deviations(board, found, station)[0] ** 2)) < 0.03
+    # the ground between dot and ring is four pixels wide, and blurred from both sides
+    assert np.sqrt(np.mean(off_and_deviations(board, found, station)[0] ** 2)) < 0.05
 
 
 @pytest.mark.parametrize("seed", range(8))
