@@ -158,6 +158,7 @@ class Ways(Struct, frozen=True):
 
 def begun(start: LinearAdjustment, ways: int) -> Ways:
     """Return so many ways on which nothing has been changed yet."""
+
     def repeated(values: FloatArray) -> FloatArray:
         return np.repeat(values[None], ways, axis=0)
 
