@@ -67,7 +67,9 @@ DOCUMENTS: Mapping[SchemaName, DocumentType] = {
     "control-list": DocumentType(project.ControlLines, _each(_CONTROL, "list")),
     "covariance": DocumentType(result.Covariance, ("results",)),
     "detect": DocumentType(instruments.Detect, _each(["detect"], "board sheet tags")),
-    "digitise": DocumentType(measuring.Digitised, _each(["digitise"], "template photo points fiducials ticks")),
+    "digitise": DocumentType(
+        measuring.Digitised, _each(["digitise"], "template photo points fiducials ticks features")
+    ),
     "digitise-ground": DocumentType(measuring.GroundDigitised, ("digitise ground",)),
     "drive-download": DocumentType(measuring.Download, ("drive download",)),
     "drive-emulate": DocumentType(measuring.Listening, ("drive emulate",)),

@@ -77,6 +77,7 @@ _OTHERS = {
     DRIVABLE: (
         "update cameras", "drive table", "drive download --link {}",
         "digitise ground 1103 --model 1-1 --to PRE --link {} --simulate DAY1.MEA",
+        "digitise features LINE:RIDGE --link {} --script collected.txt",
         "restitute compute STEREO.STE", "restitute export dxf map.dxf",
     ),
     JOINED: (
