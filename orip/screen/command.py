@@ -38,9 +38,7 @@ Stereo = Annotated[
 ]
 At = Annotated[
     str | None,
-    typer.Option(
-        "--at", metavar="[PHOTO]/POINT", help="Shown first: a point in a photo, or where it is seen best."
-    ),
+    typer.Option("--at", metavar="[PHOTO]/POINT", help="Shown first: a point in a photo, or where it is seen best."),
 ]
 Open = Annotated[bool, typer.Option("--open/--no-open", help="Open the page in the browser.")]
 
