@@ -23,14 +23,10 @@ from orip.planning.geometry import (
     strips_over,
 )
 from orip.records.camera import Camera
-from orip.records.control import NOT_GIVEN, Station
+from orip.records.control import ANGLES_ONLY_COMPARED, NOT_GIVEN, ONLY_COMPARED, Station
 from orip.records.plan import PlanSettings
 from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE
-
-ONLY_COMPARED = (-1.0, -1.0, -1.0)
-ANGLES_ONLY_COMPARED = (-RADIANS_PER_DEGREE, -RADIANS_PER_DEGREE, -RADIANS_PER_DEGREE)
-"""A-priori errors of planned positions and angles that are not observed: they have no influence."""
 
 
 class PlannedFlight(Struct, frozen=True):

@@ -10,7 +10,7 @@ from msgspec import Struct
 
 from orip.arrays import FloatArray, IntArray
 from orip.errors import InputError
-from orip.geometry.rotation import rotation_from_angles
+from orip.geometry.rotation import looking_along, rotation_from_angles
 from orip.planning.geometry import Frame
 from orip.planning.plan import PlannedFlight, frame_of, planned_station
 from orip.records.camera import Camera
@@ -147,23 +147,6 @@ def points_of_box(centre: Sequence[float], size: Sequence[float], count: int) ->
     # a grid in planes through the axes would leave distortion less determined than an object does
     shift = 0.05 * np.sin(np.arange(3 * len(grid)).reshape(-1, 3) * 2.399963)
     return np.asarray(centre + (grid + shift) * size)
-
-
-def looking_along(direction: FloatArray, roll: float) -> FloatArray:
-    """Return the rotation (3, 3), photo to ground, of a camera that looks along a direction, its y axis upwards.
-
-    Parameters
-    ----------
-    direction : array (3,)
-        Of length 1.
-    roll : float
-        Turn of the camera about its axis, radians.
-    """
-    up = np.array([0.0, 1.0, 0.0]) if abs(direction[2]) > 1.0 - 1e-9 else np.array([0.0, 0.0, 1.0])
-    right = np.cross(direction, up)
-    right /= np.linalg.norm(right)
-    axes = np.column_stack([right, np.cross(-direction, right), -direction])
-    return np.asarray(axes @ rotation_from_angles(np.array([[0.0, 0.0, roll]]))[0])
 
 
 def _direction(azimuth: float, elevation: float) -> FloatArray:

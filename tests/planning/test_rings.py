@@ -12,8 +12,9 @@ from planning.planned_blocks import CAMERA
 from planning.planned_projects import document, project, stations
 
 from orip.errors import InputError
+from orip.geometry.rotation import looking_along
 from orip.planning.plan import frame_of
-from orip.planning.rings import Object, convergent_rays, looking_along, object_of, plan_rings
+from orip.planning.rings import Object, convergent_rays, object_of, plan_rings
 from orip.records.control import ControlPoint
 from orip.records.plan import PlanSettings
 
