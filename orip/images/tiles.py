@@ -99,7 +99,7 @@ class TileStore:
 
     @contextmanager
     def level(self, image: StoredImage, level: int, *, is_grey: bool = False) -> Iterator[NDArray[np.uint8]]:
-        """Give an image reduced by 2^level, (rows, columns) of grey values or with three colours; others wait meanwhile.
+        """Give an image reduced by 2^level, (rows, columns) of grey values or in three colours; others wait meanwhile.
 
         It is not to be kept: as many as there are requests would be in memory at once.
         """

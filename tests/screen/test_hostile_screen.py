@@ -166,7 +166,8 @@ def test_a_second_screen_is_refused_with_what_to_do(project: Path) -> None:
         assert asked(url, "scene")[0] == 200
 
 
-@pytest.mark.parametrize("kills", [4, pytest.param(50, marks=pytest.mark.long)])
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize("kills", [3, pytest.param(50, marks=pytest.mark.long)])
 def test_what_was_acknowledged_stays_whenever_the_screen_is_killed(
     project: Path, rendered: Rendered, kills: int
 ) -> None:
