@@ -355,3 +355,15 @@ class Measurements:
         )
         block = gather(inputs, self._ground)
         return replace(block, cameras=tuple(replace(camera, additional_set=None) for camera in block.cameras))
+
+
+def places_of(observations: PhotoObservations) -> dict[tuple[str, str], tuple[tuple[float, float], bool]]:
+    """Return by photo and point what is measured, and whether it is disregarded."""
+    rows = zip(
+        observations.photos,
+        observations.points,
+        observations.measured.tolist(),
+        observations.disregarded.tolist(),
+        strict=True,
+    )
+    return {(photo, point): ((x, y), is_disregarded) for photo, point, (x, y), is_disregarded in rows}

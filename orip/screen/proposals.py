@@ -137,7 +137,8 @@ def propose(
 
 def _back(grey: NDArray[np.uint8], place: FloatArray, other: Expected, point: FoundPoint) -> str:
     """Return why a point that was found in another photo is not found from there where it was; empty: it is."""
-    (back,) = find_point(other.grey, point.place, [Expected(grey, place, np.linalg.inv(other.affine))])
+    inverse = np.linalg.inv(other.affine).astype(np.float64)
+    (back,) = find_point(other.grey, point.place, [Expected(grey, place, inverse)])
     away = float(np.linalg.norm(back.place - place))
     return "" if back.fate == Fate.MATCHED and away <= MOST_BACK else "is not found back from there"
 
