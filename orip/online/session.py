@@ -10,23 +10,21 @@ from typing import Literal
 import numpy as np
 from msgspec import Struct
 
-from orip.errors import ProjectWarning, UsageError
+from orip.errors import UsageError
 from orip.files.control.text import CONTROL_EXTENSIONS
 from orip.files.log.writing import DECIMALS, LogFile, edit_line, measurement_line, points_header
 from orip.geometry.plane import PlaneTransformation
 from orip.interior.in_force import stored_to_log
 from orip.online.answers import Answer, words_of
 from orip.online.first_photos import THOROUGH
-from orip.online.measurements import places_of
+from orip.online.measurements import left_to_the_adjustment, places_of
 from orip.online.measuring import Measuring
 from orip.online.online_block import OnlineBlock
 from orip.online.requests import Background, Operation
 from orip.records.measurement import EditRecord, PhotoObservations, TextPlace, no_observations
 from orip.records.names import record_key
 from orip.records.results.solution import Solution
-from orip.records.rig import Rigs
 from orip.structs import replace
-from orip.wording import counted_names
 from orip.workflow.adjust.gathering import block_input_so_far
 from orip.workflow.observations.films import mounted_films
 from orip.workflow.project.bundle_state import BundleState
@@ -101,7 +99,9 @@ class OnlineSession:
         self._folder, self._seconds = folder, seconds
         self._films = mounted_films(folder, LOG, "heads")
         self.bundle = self._films.bundle(bundle)
-        self.warnings = (*self._films.warnings, *_of_rigs(self._films.project.definition.rigs))
+        control = self._films.state.texts.control_input(self.bundle.name).value.control
+        left = left_to_the_adjustment(self._films.project.definition.rigs, control)
+        self.warnings = (*self._films.warnings, *left)
         if self.bundle.repeated_points == "both":
             message = (
                 f'bundle {self.bundle.name} has repeated_points = "both", and a session replaces what is measured '
@@ -379,17 +379,6 @@ class OnlineSession:
         self._file.edit(edit_line(record))
         self._blocks.clear()
         self._seen = self._files_now()
-
-
-def _of_rigs(rigs: Rigs) -> tuple[ProjectWarning, ...]:
-    """Return what a session does not know of rigs; their photos are measured one after the other."""
-    if not rigs.exposures:
-        return ()
-    text = (
-        "a session tests the photos of an exposure one by one, without the mountings of their cameras: it finds less, "
-        "and tells larger standard deviations than 'orip solve', which adjusts them as rigs"
-    )
-    return (ProjectWarning("rigs-while-measuring", counted_names("rig", [rig.name for rig in rigs.rigs]), text),)
 
 
 def _states_of(paths: Collection[Path]) -> tuple[tuple[str, int, int], ...]:
