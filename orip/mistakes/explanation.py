@@ -49,6 +49,7 @@ from orip.mistakes.photo_precision import precision_too_small
 from orip.mistakes.point_numbers import misnamed_points, points_under_two_numbers
 from orip.mistakes.stations.contradicting_positions import contradicting_positions
 from orip.mistakes.stations.doubted_camera import camera_instead_of_stations, lens_of_doubted_camera
+from orip.mistakes.stations.heights_apart import heights_apart
 from orip.mistakes.stations.misread_angles import misread_angles
 from orip.mistakes.stations.misread_antennas import misread_antennas
 from orip.mistakes.stations.misread_positions import HEIGHTS, misread_stations
@@ -132,7 +133,9 @@ def _of_all_stations(solution: Solution, solved: SolvedBlock, readjuster: Readju
         return read
     if found := misread_antennas(solution, solved, readjuster):
         return found
-    return two_lenses(solution, readjuster) or camera_instead_of_stations(solution, solved, readjuster) or read
+    if found := two_lenses(solution, readjuster) or camera_instead_of_stations(solution, solved, readjuster):
+        return found
+    return read or heights_apart(solution, solved, readjuster)
 
 
 def _with_found_orientations(readjuster: Readjuster, known: SolvedBlock | None = None) -> SolvedBlock | None:

@@ -16,7 +16,7 @@ from orip.mistakes.control.check_points import HEIGHT_SYSTEM
 from orip.mistakes.control.contradicting_distances import DISTANCE_UNIT
 from orip.mistakes.control.distances_alone import CODE as DISTANCE
 from orip.mistakes.control.seen_control import SHORT_TEXTS_OF_CONTROL
-from orip.mistakes.ground_systems import SHORT_TEXTS_OF_SYSTEMS
+from orip.mistakes.two_systems import SHORT_TEXTS_OF_SYSTEMS
 from orip.mistakes.hypothesis import EXPLAINING_WARNINGS
 from orip.mistakes.misread_photos import MIRRORED
 from orip.mistakes.photo_coordinates import COORDINATE_UNIT, RESOLUTION
@@ -71,6 +71,8 @@ CONSEQUENCES: tuple[Consequence, ...] = (
     Consequence(EXPLAINING_WARNINGS, warnings=None, of_same_photo=True),
     # positions that are wrong lead nowhere, and photos are not where they were given
     Consequence(OF_STATIONS, warnings=(REPLACED, *_OF_START), groups=_GROUND),
+    # coordinates in another unit make their errors those of no survey
+    Consequence(SHORT_TEXTS_OF_SYSTEMS, warnings=("error-unit",)),
     Consequence((POSITION,), warnings=(REPLACED,)),
     Consequence((POSITION,), warnings=(GIVEN,), of_same_photo=True),
     # control that is somewhere else takes all photos with it
