@@ -11,9 +11,10 @@ from orip.interior.definitions import Definitions
 from orip.interior.in_force import Interior
 from orip.interior.mounting import frame_corners
 from orip.mistakes.camera_values import is_possible_view
+from orip.mistakes.marks import misnamed_marks
 from orip.mistakes.names import name_warnings, photos_under_two_names
 from orip.mistakes.other_units import control_errors_too_small, millimetres_per_unit
-from orip.mistakes.outside_frame import TURNED_SENSOR, misnamed_marks, points_outside_frames
+from orip.mistakes.outside_frame import TURNED_SENSOR, points_outside_frames
 from orip.mistakes.photo_coordinates import coordinates_in_other_units, find_reduced_pictures
 from orip.records.block import Block
 from orip.records.camera import CAMERA_PARAMETERS, Camera, Sensor

@@ -21,6 +21,8 @@ _NAMED = 3
 
 _ENDING = re.compile(r"\.(jpe?g|tiff?|png|dng|nef|cr[23]|arw|raf|rw2|orf)$", re.IGNORECASE)
 _SEPARATORS = re.compile(r"[-_.]")
+_ZEROS = re.compile(r"(?<!\d)0+(?=\d)")
+"""Leading zeros of a number in a name."""
 
 
 def control_spelt_otherwise(unmeasured: Sequence[str], unknown: Iterable[str]) -> list[ProjectWarning]:
@@ -75,7 +77,7 @@ def _spelt_otherwise(names: Sequence[str], others: Iterable[str]) -> dict[str, s
 
 def _form(name: str) -> str:
     plain = _SEPARATORS.sub("", _ENDING.sub("", name)).upper()
-    return plain.lstrip("0") or plain
+    return _ZEROS.sub("", plain)
 
 
 def _difference(pairs: Mapping[str, str]) -> str:
@@ -93,7 +95,7 @@ def _between(shorter: str, longer: str) -> str:
     for sign, noun in (("-", "a hyphen"), ("_", "an underscore"), (".", "a point")):
         if longer.replace(sign, "") == shorter:
             return noun
-    return "leading zeros" if longer.lstrip("0") == shorter.lstrip("0") else "their spelling"
+    return "leading zeros" if _ZEROS.sub("", longer) == _ZEROS.sub("", shorter) else "their spelling"
 
 
 MOST_WARNINGS = 50
@@ -162,7 +164,9 @@ def name_warnings(block: Block, control: Control, preliminary: Sequence[Prelimin
     ]
     warnings = [ProjectWarning(f"unused-{what}", where, text) for what, where, text in unused if where not in told]
     similar = []
-    for group in look_alikes([*block.point_names, *(point.name for point in control.points)]):
+    # names that files write differently are said to be one already
+    given = [point.name for point in control.points if f"control point {point.name}" not in told]
+    for group in look_alikes([*block.point_names, *given]):
         text = f"{', '.join(group)} differ only in case or leading zeros: are they one point?"
         similar.append(ProjectWarning("look-alike-names", f"point {group[0]}", text))
     return [*otherwise, *_first_of_each_code(warnings), *_first_of_each_code(similar)]

@@ -18,7 +18,8 @@ from orip.interior.orientation import orient_photo
 from orip.mistakes.checks import camera_warnings, raise_if_impossible
 from orip.mistakes.control.contradicting_control import control_warnings, slip_of_pen
 from orip.mistakes.names import photos_under_two_names
-from orip.mistakes.outside_frame import misnamed_marks, points_outside_frames
+from orip.mistakes.marks import misnamed_marks
+from orip.mistakes.outside_frame import points_outside_frames
 from orip.records.block import Block
 from orip.records.camera import CAMERA_PARAMETERS, Camera, Mark, Sensor
 from orip.records.control import ControlPoint

@@ -24,7 +24,10 @@ _FEWEST = 3
 """Heights that do not agree by chance."""
 
 _LEAST, _MOST = 0.3, 10.0
-"""Metres: less is a lever arm, more a system of heights."""
+"""Metres: less is in the errors, more a system of heights."""
+
+_ARM = 3.0
+"""Metres that an antenna is above its camera at most: stations that are too high by less have a lever arm."""
 
 _ALIKE = 0.2
 """Spread of the differences, as a part of their median, at most."""
@@ -52,7 +55,7 @@ def heights_apart(solution: Solution, solved: SolvedBlock, readjuster: Readjuste
     if len(off) < _FEWEST:
         return []
     by = float(np.median(off))
-    if not (_LEAST < abs(by) < _MOST and float(np.median(np.abs(off - by))) < _ALIKE * abs(by)):
+    if not ((by > _LEAST or -by > _ARM) and abs(by) < _MOST and float(np.median(np.abs(off - by))) < _ALIKE * abs(by)):
         return []
     tried = readjuster.adjust(_with_heights(block, by))
     if tried is None or not (is_better(tried, solved) and is_good(fit_of_adjustment(tried))):

@@ -11,9 +11,9 @@ from orip.arrays import FloatArray, IntArray
 from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
 from orip.mistakes.control.check_points import OF_HEIGHT_SYSTEMS
-from orip.mistakes.two_systems import SHORT_TEXTS_OF_SYSTEMS
 from orip.mistakes.hypothesis import fit_of_adjustment
 from orip.mistakes.other_units import FEET_AND_METRES, LENGTH_UNITS
+from orip.mistakes.two_systems import SHORT_TEXTS_OF_SYSTEMS
 from orip.records.block import Block
 from orip.records.names import record_key
 from orip.structs import replace
