@@ -124,6 +124,11 @@ def _huge_sensor(camera: Camera) -> str:
     if sensor is None or max(sensor.width, sensor.height) < 1e3 * _SIZES[0]:
         return ""
     width, height = sensor.width * 1e-3, sensor.height * 1e-3
+    if (sensor.width, sensor.height) == (sensor.columns, sensor.rows):
+        return (
+            f"width and height of the sensor are {sensor.width:g} x {sensor.height:g}, its columns and rows, but have "
+            "to be in mm; write the size of the sensor (columns and rows times the size of a pixel in mm)"
+        )
     if c / np.hypot(sensor.width, sensor.height) >= _NO_LENS or not _is_usual(camera, (width, height)):
         return ""
     return (

@@ -53,6 +53,7 @@ from orip.mistakes.stations.doubted_camera import camera_instead_of_stations, le
 from orip.mistakes.stations.heights_apart import heights_apart
 from orip.mistakes.stations.misread_angles import misread_angles
 from orip.mistakes.stations.misread_antennas import misread_antennas
+from orip.mistakes.stations.misread_pictures import pictures_instead_of_positions
 from orip.mistakes.stations.misread_positions import HEIGHTS, misread_stations
 from orip.mistakes.stations.two_lenses import two_lenses
 from orip.mistakes.vertical_photos import misread_vertical_photos
@@ -105,9 +106,7 @@ def explain_misfit(
         Its adjustment without the given orientations; None: there was none yet.
     """
     given = fit_of_adjustment(solved)
-    found = contradicting_rigs(solved, given, readjuster) or reduced_control(solution, solved, readjuster)
-    found = found or misread_control_points(solution, solved, readjuster)
-    if found := found or _of_all_stations(solution, solved, readjuster):
+    if found := _of_ground(solution, solved, given, readjuster):
         return found[:_MOST_WARNINGS]
     if solved.weighing.of_tracks and fits_without_wrong_matches(given):
         return _shown_by_itself(solution, solved, given, readjuster)[:_MOST_WARNINGS]
@@ -124,11 +123,18 @@ def explain_misfit(
             return found
     if elsewhere is not None:
         return _shown_elsewhere(elsewhere, readjuster)
-    if given.scale < _FITS and readjuster.is_worthwhile and (found := scattered_positions(solution)):
-        return found
-    if found := precision_too_small(solved, readjuster) or lens_of_doubted_camera(solution, solved, readjuster):
+    scattered = scattered_positions(solution) if given.scale < _FITS and readjuster.is_worthwhile else []
+    found = scattered or precision_too_small(solved, readjuster)
+    if found := found or lens_of_doubted_camera(solution, solved, readjuster):
         return found
     return _shown_by_itself(solution, solved, given, readjuster)[:_MOST_WARNINGS]
+
+
+def _of_ground(solution: Solution, solved: SolvedBlock, given: Fit, readjuster: Readjuster) -> list[ProjectWarning]:
+    """Return what is wrong with rigs, control or stations, from where the block has them."""
+    found = contradicting_rigs(solved, given, readjuster) or reduced_control(solution, solved, readjuster)
+    found = found or misread_control_points(solution, solved, readjuster)
+    return found or _of_all_stations(solution, solved, readjuster)
 
 
 def _of_all_stations(solution: Solution, solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
@@ -191,7 +197,7 @@ def _shown_by_itself(
         return [*heights, *found]
     if is_good(given):
         found = [
-            *contradicting_positions(solution),
+            *pictures_instead_of_positions(contradicting_positions(solution), solved, readjuster),
             *far_from_given(block, solved),
             *found,
             *contradicting_distances(block, solution),

@@ -186,9 +186,28 @@ def _warn_of_other_spellings(block: Block, control: Control) -> tuple[list[Proje
         [station.photo for station in control.stations if record_key(station.photo) not in photos],
         [name for key, name in photos.items() if key not in of_stations],
     )
-    told = {f"control point {name}" for name in _spelt_otherwise(*points)}
+    pairs = _spelt_otherwise(*points)
+    none_measured = not pairs and len(unmeasured) >= _FEWEST_OF_FILE and len(unmeasured) == len(control.points)
+    told = {f"control point {name}" for name in (unmeasured if none_measured else pairs)}
     told |= {f"exposure station {name}" for name in _spelt_otherwise(*stations)}
-    return [*control_spelt_otherwise(*points), *stations_spelt_otherwise(*stations)], told
+    of_points = [_of_other_names(*points)] if none_measured else control_spelt_otherwise(*points)
+    return [*of_points, *stations_spelt_otherwise(*stations)], told
+
+
+_FEWEST_OF_FILE = 3
+"""Control points of which none is measured by mistake."""
+
+
+def _of_other_names(unmeasured: Sequence[str], measured: Iterable[str]) -> ProjectWarning:
+    """Return a warning that no control point is measured; the names without a like are probably those of the marks."""
+    prefixes = Counter(name.rstrip("0123456789") for name in measured)
+    # there are fewer marks than other points
+    shown = sorted(measured, key=lambda name: prefixes[name.rstrip("0123456789")])
+    text = (
+        f"are not measured in any photo: no name of the control file is one of the measurements, where points are "
+        f"called {first_names(shown, _NAMED)}; write the names of control points alike in both"
+    )
+    return ProjectWarning(OTHER_SPELLING, counted_names("control point", unmeasured), text)
 
 
 def _first_of_each_code(warnings: Sequence[ProjectWarning]) -> Iterator[ProjectWarning]:

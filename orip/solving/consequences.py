@@ -11,12 +11,13 @@ from collections.abc import Collection, Iterable, Sequence
 from msgspec import Struct
 
 from orip.errors import ProjectWarning
-from orip.mistakes.camera_values import CAMERA_SIGNS, OTHER_LENS
+from orip.mistakes.camera_values import CAMERA_SIGNS, FAR_FROM_GIVEN, OTHER_LENS
 from orip.mistakes.control.check_points import HEIGHT_SYSTEM
 from orip.mistakes.control.contradicting_distances import DISTANCE_UNIT
 from orip.mistakes.control.distances_alone import CODE as DISTANCE
 from orip.mistakes.control.reduced_control import REDUCED_CONTROL
 from orip.mistakes.control.seen_control import SHORT_TEXTS_OF_CONTROL
+from orip.mistakes.exchanged_photos import ANOTHER_FLIGHT
 from orip.mistakes.hypothesis import EXPLAINING_WARNINGS
 from orip.mistakes.marks import MISNAMED_MARKS, MISREAD_MARK
 from orip.mistakes.misread_photos import MIRRORED
@@ -30,7 +31,7 @@ from orip.mistakes.stations.misread_positions import SHORT_TEXTS_OF_STATIONS
 from orip.mistakes.stations.strips import MOVED
 from orip.mistakes.stations.two_lenses import TWO_LENSES
 from orip.mistakes.two_systems import SHORT_TEXTS_OF_SYSTEMS
-from orip.mistakes.vertical_photos import HEIGHT_UNIT
+from orip.mistakes.vertical_photos import HEIGHT_UNIT, SHORT_TEXTS_OF_VERTICAL_PHOTOS
 
 REPLACED = "given-values"
 """Code of the warning that the adjustment did not start from the given values."""
@@ -83,6 +84,12 @@ CONSEQUENCES: tuple[Consequence, ...] = (
     Consequence((COORDINATE_UNIT, RESOLUTION), warnings=None),
     # a photo that is measured wrong as a whole is anywhere, and leads the adjustment astray
     Consequence(EXPLAINING_WARNINGS, warnings=None, of_same_photo=True),
+    # where pictures are wrong, preliminary values are, and what a camera seems to have
+    Consequence(
+        (*EXPLAINING_WARNINGS, *SHORT_TEXTS_OF_VERTICAL_PHOTOS, *CAMERA_SIGNS, OTHER_LENS, MIRRORED, ANOTHER_FLIGHT),
+        warnings=("preliminary-values", "photo-left-out", "one-ray"),
+    ),
+    Consequence(("outside-frame", "senseless-camera"), warnings=(FAR_FROM_GIVEN,), groups=(*_GROUND, "check point")),
     # positions that are wrong lead nowhere, and photos are not where they were given
     Consequence(OF_STATIONS, warnings=(REPLACED, *_OF_START), groups=_GROUND),
     # coordinates in another unit make their errors those of no survey

@@ -61,7 +61,7 @@ def judged(
     measured = [found for found in gathered if found.code in EXPLAINING_WARNINGS and solution.status == "doubtful"]
     others = [_mistake(found) for found in (*measured, *mistaken, *taken) if found.code not in WRONG]
     status = "doubtful" if wrong and solution.status == "converged" else solution.status
-    diagnosis = (*wrong, *_after_causes(solution, (*mistaken, *gathered) if wrong else mistaken), *others)
+    diagnosis = (*wrong, *_after_causes(solution, (*mistaken, *(gathered if wrong else measured))), *others)
     return replace(solution, status=status, diagnosis=diagnosis)
 
 

@@ -12,7 +12,8 @@ from orip.arrays import FloatArray
 from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
-from orip.mistakes.hypothesis import Readjuster, fit_of_adjustment, is_good
+from orip.mistakes.camera_values import other_principal_distance
+from orip.mistakes.hypothesis import DECIDED, Readjuster, fit_of_adjustment, is_good
 from orip.mistakes.stations.doubted_camera import are_doubted, has_positions, is_better
 from orip.mistakes.stations.misread_positions import HEIGHT_OFFSET
 from orip.records.block import Block
@@ -60,7 +61,26 @@ def heights_apart(solution: Solution, solved: SolvedBlock, readjuster: Readjuste
     tried = readjuster.adjust(_with_heights(block, by))
     if tried is None or not (is_better(tried, solved) and is_good(fit_of_adjustment(tried))):
         return []
-    return [] if are_doubted(solution_of(tried)) else [_warning(block, by)]
+    if are_doubted(solution_of(tried)):
+        return []
+    return _camera_instead(tried, readjuster) or [_warning(block, by)]
+
+
+def _camera_instead(shifted: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
+    """Return that a held principal distance is wrong, if all fits as well with another one as with other heights.
+
+    That takes nothing from what was surveyed; a difference of heights is said only where it alone explains the block.
+    """
+    block = readjuster.block
+    cost = shifted.weighing.cost(shifted.equations)
+    for row, camera in enumerate(block.cameras):
+        if "C" in camera.unknown:
+            continue
+        for hypothesis in other_principal_distance(block, row):
+            tried = readjuster.adjust(hypothesis.block)
+            if tried is not None and tried.converged and tried.weighing.cost(tried.equations) < cost + DECIDED:
+                return hypothesis.findings(tried)
+    return []
 
 
 def _with_heights(block: Block, by: float | None) -> Block:
