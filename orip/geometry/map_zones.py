@@ -8,7 +8,7 @@ import numpy as np
 
 from orip.arrays import FloatArray
 
-_SHORT, _LONG = (1e5, 9e5), (1e6, 6e6)
+_SHORT, _LONG = (1e4, 1e6), (1e6, 6e6)
 """Metres: eastings of UTM, and of Gauss-Krüger with its zones 1 to 5."""
 
 _ZONE, _MIDDLE = 1e6, 5e5
@@ -41,7 +41,8 @@ def readings_in_another_grid(xy: FloatArray, others: FloatArray) -> Iterator[tup
         zones = int(own // _ZONE), int(other // _ZONE)
         for width in (3, 6):
             source, target = (_gauss_krueger(zone, width) for zone in zones)
-            yield _transformed(xy, source, target), *(f"Gauss-Krüger coordinates of zone {zone}" for zone in zones)
+            own_zone, other_zone = (f"Gauss-Krüger coordinates of zone {zone}" for zone in zones)
+            yield _transformed(xy, source, target), own_zone, other_zone
     elif all(_SHORT[0] < easting < _SHORT[1] for easting in (own, other)):
         for step in _NEXT:
             for side in ("", " +south"):

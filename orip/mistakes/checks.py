@@ -12,7 +12,7 @@ from orip.interior.in_force import Interior
 from orip.interior.mounting import frame_corners
 from orip.mistakes.camera_values import is_possible_view
 from orip.mistakes.marks import misnamed_marks
-from orip.mistakes.names import name_warnings, photos_under_two_names
+from orip.mistakes.names import figures_told, name_warnings, photos_under_two_names
 from orip.mistakes.other_units import control_errors_too_small, millimetres_per_unit
 from orip.mistakes.outside_frame import TURNED_SENSOR, points_outside_frames
 from orip.mistakes.photo_coordinates import coordinates_in_other_units, find_reduced_pictures
@@ -338,7 +338,10 @@ def block_warnings(block: Block, control: Control) -> tuple[ProjectWarning, ...]
     from orip.mistakes.stations.strips import missing_strips
 
     names = name_warnings(block, control, block.preliminary)
-    names += left_out_figures(control.figure_points, frozenset(block.point_names))
+    measured = frozenset(block.point_names)
+    told = figures_told(measured, control)
+    figures = [point for point in control.figure_points if point.figure not in told]
+    names += left_out_figures(figures, measured)
     errors = control_errors_too_small(block)
     return (
         *photos_under_two_names(block),

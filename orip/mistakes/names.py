@@ -109,6 +109,16 @@ _NAMES = {
 _UNMEASURED = "is not measured in any photo"
 
 
+_FEWEST_OF_FIGURES = 4
+"""Points of figures that are not used, of which one warning is given, and none of the figures that lack them."""
+
+
+def figures_told(points: Container[str], control: Control) -> set[str]:
+    """Return the figures of which one warning tells that their points are not used."""
+    of_figures = [point for point in control.figure_points if point.point not in points]
+    return {point.figure for point in of_figures} if len(of_figures) >= _FEWEST_OF_FIGURES else set()
+
+
 def name_warnings(block: Block, control: Control, preliminary: Sequence[PreliminaryPoint]) -> list[ProjectWarning]:
     """Return a warning for each control observation and preliminary point not in the block, and for similar names."""
     points = block.point_index()
@@ -140,11 +150,17 @@ def name_warnings(block: Block, control: Control, preliminary: Sequence[Prelimin
         for line in control.given_directions
         if line not in block.given_directions
     ]
-    unused += [
-        ("control", f"point {point.point} of figure {point.figure}", _unplaced(points, point.point))
-        for point in control.figure_points
-        if point.point not in points
-    ]
+    of_figures = [point for point in control.figure_points if point.point not in points]
+    if len(of_figures) >= _FEWEST_OF_FIGURES:
+        figures = list(dict.fromkeys(point.figure for point in of_figures))
+        names = list(dict.fromkeys(point.point for point in of_figures))
+        where = f"{counted_names('point', names)} of {counted_names('figure', figures)}"
+        unused.append(("control", where, "are not used: they are neither measured nor given coordinates; correct them"))
+    else:
+        unused += [
+            ("control", f"point {point.point} of figure {point.figure}", _unplaced(points, point.point))
+            for point in of_figures
+        ]
     unused += [
         ("control", f"element {element.group} {element.name} {element.kind}", _unknown(element))
         for element in control.elements

@@ -84,8 +84,8 @@ def contradicting_ground_systems(control: Control, given: FloatArray) -> list[Pr
         _exchanged(points, places, other, file),
         _grids(points, places, other),
     )
-    text = next((text for read, photos, text in readings if _apart(read, photos) < _NEAR), "")
-    return [ProjectWarning(GROUND_SYSTEM, where, text)] if text else []
+    apart, text = min(((_apart(read, photos), text) for read, photos, text in readings), key=lambda found: found[0])
+    return [ProjectWarning(GROUND_SYSTEM, where, text)] if apart < _NEAR else []
 
 
 def _centres_of_elements(control: Control) -> list[tuple[float, float]]:

@@ -113,7 +113,13 @@ _FEWEST_SCATTERED = 6
 _SCATTER, _OF_NEIGHBOURS = 5.0, 0.3
 """Errors from which positions scatter, and part of the distance of neighbours from which they are of other photos."""
 
+_OF_CODE = 30.0
+"""Ground units that positions of GNSS without a fix scatter by at most."""
+
 _DIGITS = 2
+
+_ALIKE = ("lever arm", "along the axes", "of strip")
+"""Words of contradictions that positions of a flight to and fro have in common."""
 
 
 def scattered_positions(solution: Solution) -> list[ProjectWarning]:
@@ -130,6 +136,8 @@ def scattered_positions(solution: Solution) -> list[ProjectWarning]:
         return []
     if len({(position.file, position.components) for position in positions}) > 1:
         return []
+    if any(words in found.text for found in solution.diagnosis for words in _ALIKE):
+        return []
     off = np.array([position.off for position in positions])
     error = np.median([position.error for position in positions], axis=0)
     if part := _part_of_flight(positions, off, error, solution.ground_unit):
@@ -140,17 +148,19 @@ def scattered_positions(solution: Solution) -> list[ProjectWarning]:
         return []
     where = "exposure stations"
     apart = float(np.median(np.linalg.norm(np.diff([position.found for position in positions], axis=0), axis=1)))
-    listed = " ".join(f"{value:.{_DIGITS}g}" for value in np.maximum(scatter, given).tolist())
     text = (
         f"their positions scatter by {scatter.max():.{_DIGITS}g} {solution.ground_unit} about those of the photos, "
         f"{(scatter / given).max():.{_DIGITS}g} times their a-priori errors: "
     )
-    if float(np.linalg.norm(scatter)) > _OF_NEIGHBOURS * apart:
+    size = float(np.linalg.norm(scatter))
+    if size > _OF_NEIGHBOURS * apart:
         text += f"they seem to be those of other photos; match positions and names again in the {wrong[0].file} file"
+    elif size > _OF_CODE:
+        text += f"they seem to be in another system, or those of other photos; correct them in the {wrong[0].file} file"
     else:
         text += (
             "as those of GNSS without a fix (RTK, PPK) do, or the errors are in another unit; write errors of about "
-            f"{listed} {solution.ground_unit} in the {wrong[0].file} file"
+            f"{scatter.max():.{_DIGITS}g} {solution.ground_unit} in the {wrong[0].file} file"
         )
     return [ProjectWarning(SCATTERED, where, text)]
 
