@@ -6,7 +6,7 @@
 20 x 25 and 20 000), whose points are then measured. Each answer has what `orip online` computes for it: preliminary
 values, equations, tests, and what to measure next. Percentiles of the clock and of the processor's time, which differ
 on a machine that is used otherwise; the file of the measurements is not written. What is reconsidered afterwards is
-timed alone. Then what `show` takes.
+timed alone. Then each control point is left out and taken in again, and what `show` takes.
 
 **Equations**: blocks of `aerial_blocks.py` with 40 points a photo, linearised at the values that they were made from.
 Rays are taken out and in again: those of the last two strips, as at an instrument, and then any of the block.
@@ -103,6 +103,7 @@ def _answer(photos: int) -> None:
         began = time.process_time()
         measuring.reconsider()
         later.append(1000.0 * (time.process_time() - began))
+    _given(measuring)
     _percentiles("answer", clock)
     _percentiles("answer, processor's time", processor)
     _percentiles("after the answer, processor's time", later)
@@ -118,6 +119,23 @@ def _answer(photos: int) -> None:
         began = time.process_time()
         show()
         print(f"  {f'show {name}, processor':<36} {1000.0 * (time.process_time() - began):8.0f} ms")
+
+
+def _given(measuring: Measuring) -> None:
+    """Leave every control point out and take it in again, and compare with the triangle built anew."""
+    equations, times, rebuilt = measuring.block.equations, [], measuring.block.equations.rebuilt
+    for key in [key for key in equations.included if key.kind == "control"]:
+        began = time.process_time()
+        measuring.leave_out(key)
+        measuring.take_in(key)
+        times.append(1000.0 * (time.process_time() - began))
+    _percentiles("control out and in, processor's time", times)
+    print(f"  triangle built {equations.rebuilt - rebuilt} times")
+    found = equations.triangle.solution()
+    equations.rebuild()
+    sd = np.sqrt(np.diagonal(equations.triangle.cofactors()))
+    worst = np.max(np.abs(found - equations.triangle.solution())[sd > 0.0] / sd[sd > 0.0])
+    print(f"  off the batch by {worst:.1e} standard deviations at most")
 
 
 if __name__ == "__main__":

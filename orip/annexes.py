@@ -21,7 +21,7 @@ COMMANDS: Mapping[str, str] = {
     "digitise": "orip.multimodel.commands.digitise",
     "photos": "orip.pictures.commands",
     "stations": "orip.stations.commands",
-    "gnss": "orip.stations.gnss_command",
+    "gnss": "orip.stations.receiver_commands",
     "imu": "orip.stations.imu_command",
     "plan": "orip.planning.commands.plan",
     "archive": "orip.archive.commands",

@@ -12,6 +12,9 @@ DEGREES_PER_RADIAN = 180.0 / math.pi
 RADIANS_PER_DEGREE = math.pi / 180.0
 
 DEGREES_PER_GON = 0.9
+DEGREES_PER_UNIT = {"degrees": 1.0, "gon": DEGREES_PER_GON, "radians": DEGREES_PER_RADIAN}
+"""Units in which angles may be given."""
+
 METRES_PER_FOOT = 0.3048
 MILLIMETRES_PER_INCH = 25.4
 

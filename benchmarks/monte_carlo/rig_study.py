@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 from msgspec import Struct
 from scipy.spatial.transform import Rotation
-from support.rig_blocks import HEADS, RigBlock, rig_block, single
+from support.rig_blocks import HEADS, RigBlock, from_nothing, rig_block, single, without_common_view
 
 from orip.bundle.results.ground import photo_cofactors
 from orip.bundle.solve import SolvedBlock, solve_block
 from orip.records.block import Block
 from orip.solving.solve import solve
-from orip.structs import replace
 
 
 class Errors(Struct, frozen=True):
@@ -92,14 +91,19 @@ def _mean_deviations(solved: SolvedBlock, alone: SolvedBlock) -> tuple[float, fl
 
 def is_right_from_nothing(run: int) -> bool:
     """Return whether a block without any starting value ends where one that starts at the truth does."""
-    block = made(run).block
-    empty = replace(
-        block,
-        photos=tuple(replace(photo, orientation=(None,) * 6) for photo in block.photos),
-        photo_orientation=np.full_like(block.photo_orientation, np.nan),
-        point_start=np.full_like(block.point_start, np.nan),
-    )
-    solution, found = solve(empty)
+    return _is_right_from_nothing(made(run).block)
+
+
+def is_right_without_common_view(run: int) -> bool:
+    """Return the same of a block whose cameras show no common point, and only the first one control."""
+    head = ("apart", "three", "around")[run % 3]
+    weighted = (0.01, 0.05) if run % 2 else None
+    truth = rig_block(head, f"no common view {run}", points=400, mounting_error=weighted)
+    return _is_right_from_nothing(without_common_view(truth))
+
+
+def _is_right_from_nothing(block: Block) -> bool:
+    solution, found = solve(from_nothing(block))
     known = adjusted(block)
     if len(found.block.photos) < len(block.photos) or solution.status == "not_converged":
         return False

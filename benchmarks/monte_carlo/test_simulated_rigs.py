@@ -6,11 +6,12 @@ The figures of the long studies are in docs/verification.md; `--log-cli-level=IN
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
 import pytest
-from monte_carlo.rig_study import PLANTED, errors_of, is_right_from_nothing, named
+from monte_carlo.rig_study import PLANTED, errors_of, is_right_from_nothing, is_right_without_common_view, named
 from monte_carlo.simulated_blocks import in_parallel
 
 LOG = logging.getLogger(__name__)
@@ -28,8 +29,10 @@ def check_errors(runs: int, tolerance: float, processes: int) -> None:
     assert max(ratios) < 1.0
 
 
-def check_from_nothing(runs: int, part: float, processes: int) -> None:
-    right = sum(in_parallel(is_right_from_nothing, list(range(runs)), processes))
+def check_from_nothing(
+    runs: int, part: float, processes: int, is_right: Callable[[int], bool] = is_right_from_nothing
+) -> None:
+    right = sum(in_parallel(is_right, list(range(runs)), processes))
     LOG.info("%d of %d blocks are right from nothing", right, runs)
     assert right >= part * runs
 
@@ -50,6 +53,10 @@ def test_blocks_of_rigs_are_right_from_nothing() -> None:
     check_from_nothing(2, 1.0, 1)
 
 
+def test_blocks_without_common_view_are_right_from_nothing() -> None:
+    check_from_nothing(3, 1.0, 1, is_right_without_common_view)
+
+
 @pytest.mark.parametrize("what", PLANTED)
 def test_planted_mistakes_of_rigs_are_named(what: str) -> None:
     check_planted(what, 2, 1)
@@ -65,6 +72,12 @@ def test_errors_in_200_blocks() -> None:
 @pytest.mark.timeout(3600)
 def test_200_blocks_from_nothing() -> None:
     check_from_nothing(200, 0.99, 2)
+
+
+@pytest.mark.long
+@pytest.mark.timeout(3600)
+def test_200_blocks_without_common_view_from_nothing() -> None:
+    check_from_nothing(200, 0.99, 2, is_right_without_common_view)
 
 
 @pytest.mark.long

@@ -7,191 +7,37 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-from orip.api.given import ControlPoints, Directions, Distances, Elements, Figures, PreliminaryPoints, Stations
-from orip.arrays import BoolArray, FloatArray
+from orip.api.columns import Columns
+from orip.api.control_covariances import errors_and_correlations, with_correlations
+from orip.api.given import (
+    ControlPoints,
+    Directions,
+    Distances,
+    Elements,
+    Figures,
+    GivenDirections,
+    PreliminaryPoints,
+    Stations,
+)
+from orip.arrays import FloatArray
 from orip.errors import Complaint, ProjectWarning
 from orip.files.control.preliminary_text import parse_preliminary
 from orip.files.control.stations_text import parse_stations
 from orip.files.control.text import parse_directions, parse_distances, parse_elements, parse_figures, parse_points
-from orip.files.text.decimal_numbers import LARGEST_NUMBER, parse_number
-from orip.files.text.shown import Parsed, printable, shown_token
+from orip.files.text.shown import Parsed
 from orip.records.control import (
     ControlDirection,
     ControlDistance,
     ControlElement,
     ControlPoint,
     FigurePoint,
+    GivenDirection,
+    PointCorrelation,
     PreliminaryPoint,
     Station,
 )
-from orip.records.names import name_fault
 from orip.structs import replace
-
-_MOST_OF_A_COLUMN = 20
-"""Complaints of one array that are given one by one."""
-
-Element = TypeVar("Element", bound=np.generic)
-
-
-class Columns:
-    """Takes the arrays of one table and keeps what is wrong with them.
-
-    Parameters
-    ----------
-    table : str
-        What it is called in messages, such as "photo_points".
-    """
-
-    def __init__(self, table: str) -> None:
-        self.table = table
-        self.complaints: list[Complaint] = []
-        self.count: int | None = None
-        """Rows, as the first array of names has them; None: it cannot be told."""
-        self._first = ""
-
-    def names(self, column: str, given: ArrayLike, *, may_be_one: bool = False) -> list[str] | None:
-        """Return names, one a row; None, and complaints kept, where they are not fit for use.
-
-        Parameters
-        ----------
-        column : str
-        given : (n,) of str
-        may_be_one : bool
-            A single text stands for all rows.
-        """
-        found = [given] * (self.count or 0) if may_be_one and isinstance(given, str) else self._listed(column, given)
-        if found is None or not self._has_length(column, len(found)):
-            return None
-        faults = [(row, fault) for row, name in enumerate(found) if (fault := _fault_of(name)) is not None]
-        self.complain_of(column, faults)
-        return None if faults else [str(name) for name in found]
-
-    def numbers(
-        self, column: str, given: ArrayLike, width: int | None = None, *, unknown: bool = False
-    ) -> FloatArray | None:
-        """Return numbers, a row for each name; None, and complaints kept, where they are not fit for use.
-
-        Parameters
-        ----------
-        column : str
-        given : array (n,) or (n, width)
-        width : int or None
-            None: one number a row.
-        unknown : bool
-            NaN stands for what is not known, and one number or row for all of them. Numbers are finite otherwise.
-        """
-        found = self.array(column, given, width, may_be_one=unknown)
-        if found is None:
-            return None
-        fit = np.abs(np.where(np.isnan(found), 0.0, found) if unknown else found) <= LARGEST_NUMBER
-        wrong = [tuple(map(int, index)) for index in np.argwhere(~fit)]
-        self.complain_of(column, [(index if width else index[0], _fault_of_number(found[index])) for index in wrong])
-        return None if wrong else found
-
-    def array(
-        self, column: str, given: ArrayLike, width: int | None = None, *, may_be_one: bool = False
-    ) -> FloatArray | None:
-        """Return an array (n,) or (n, width) of any numbers; None, and a complaint kept, where it is none.
-
-        Parameters
-        ----------
-        may_be_one : bool
-            Anything that NumPy can broadcast to the shape will do.
-        """
-        return self._shaped(column, given, np.float64, width, may_be_one=may_be_one)
-
-    def flags(self, column: str, given: ArrayLike, width: int) -> BoolArray | None:
-        """Return an array (n, width) of bool; None, and a complaint kept, where it is none."""
-        return self._shaped(column, given, np.bool_, width, may_be_one=False)
-
-    def complain(self, message: str, column: str = "", row: object = None) -> None:
-        """Keep a complaint about the table, about an array, or about an element of it."""
-        index = "" if row is None else f"[{', '.join(map(str, row)) if isinstance(row, tuple) else row}]"
-        self.complaints.append(Complaint(printable(message), f"{self.table}{'.' if column else ''}{column}{index}"))
-
-    def _listed(self, column: str, given: ArrayLike) -> list[Any] | None:
-        if self._masks(column, given):
-            return None
-        found = np.asarray(given, dtype=object)
-        if found.ndim != 1:
-            self.complain(f"has the shape {found.shape}; a list of names is needed", column)
-            return None
-        return list(found)
-
-    def _shaped(
-        self, column: str, given: ArrayLike, dtype: type[Element], width: int | None, *, may_be_one: bool
-    ) -> NDArray[Element] | None:
-        if self._masks(column, given):
-            return None
-        wanted = "(n,)" if width is None else f"(n, {width})"
-        try:
-            found = np.asarray(given)
-        except ValueError:  # rows of different lengths
-            self.complain(f"is not an array; its shape is {wanted}", column)
-            return None
-        kinds = "b" if dtype is np.bool_ else "iuf"
-        if found.dtype.kind not in kinds and found.size:
-            what = "True and False" if dtype is np.bool_ else "numbers"
-            self.complain(f"is an array of {found.dtype}; {what} are needed", column)
-            return None
-        if self.count is None:
-            return None
-        shape = (self.count,) if width is None else (self.count, width)
-        if may_be_one and _can_be_broadcast(found.shape, shape):
-            return np.broadcast_to(found.astype(dtype), shape)
-        if found.shape != shape and found.size + self.count:
-            as_many = f" as {self._first} has {self.count} rows" if self._first else ""
-            self.complain(f"has the shape {found.shape}; {shape} is needed{as_many}", column)
-            return None
-        return found.astype(dtype).reshape(shape)
-
-    def _masks(self, column: str, given: ArrayLike) -> bool:
-        """Return whether elements are masked; they are complained of, as NumPy would take what is under the mask."""
-        masked = np.argwhere(np.ma.getmaskarray(given)) if isinstance(given, np.ma.MaskedArray) else ()
-        places = [tuple(map(int, index)) for index in masked]
-        message = "is masked; leave out the row, or write a value"
-        self.complain_of(column, [(place if len(place) > 1 else place[0], message) for place in places])
-        return bool(places)
-
-    def _has_length(self, column: str, length: int) -> bool:
-        if self.count is None:
-            self.count, self._first = length, f"{self.table}.{column}"
-        if length != self.count:
-            self.complain(f"has {length} rows; {self.count} are needed as {self._first} has them", column)
-        return length == self.count
-
-    def complain_of(self, column: str, faults: Sequence[tuple[object, str]]) -> None:
-        """Keep complaints about rows or elements, (index, message), the first of them one by one."""
-        for row, fault in faults[:_MOST_OF_A_COLUMN]:
-            self.complain(fault, column, row)
-        if (more := len(faults) - _MOST_OF_A_COLUMN) > 0:
-            self.complain(f"and {more} more of this kind", column)
-
-
-def _fault_of_number(number: float) -> str:
-    """Say what a measurement file would say of a number that is not fit."""
-    try:
-        parse_number(repr(float(number)))
-    except ValueError as fault:
-        return str(fault)
-    return ""
-
-
-def _fault_of(name: object) -> str | None:
-    if not isinstance(name, str):
-        return f"{shown_token(repr(name))} is not text; a name is text"
-    fault = name_fault(name)
-    return None if fault is None else f"{fault}; choose another name"
-
-
-def _can_be_broadcast(given: tuple[int, ...], wanted: tuple[int, ...]) -> bool:
-    try:
-        return np.broadcast_shapes(given, wanted) == wanted
-    except ValueError:
-        return False
-
 
 _UNKNOWN = "-"
 _LINE = re.compile(r"\b(on )?line (\d+)\b")
@@ -208,22 +54,40 @@ class _Field(NamedTuple):
     text: str
 
 
-def control_points(given: ControlPoints | None) -> Records[ControlPoint]:
-    """Return control points; a coordinate that is NaN is not known, and has no error."""
+def control_points(
+    given: ControlPoints | None,
+) -> tuple[Records[ControlPoint], tuple[PointCorrelation, ...]]:
+    """Return control points, and pairs that are correlated; a coordinate that is NaN is not known, and has no error."""
     if given is None:
-        return Parsed(())
+        return Parsed(()), ()
     columns = Columns("control_points")
     names = columns.names("name", given.name)
     coordinates = columns.array("coordinates", given.coordinates, 3)
-    error = columns.array("error", given.error, 3, may_be_one=True)
+    error, correlated = _errors(columns, given, coordinates)
     if names is None or coordinates is None or error is None:
-        return Parsed((), tuple(columns.complaints))
+        return Parsed((), tuple(columns.complaints)), ()
     known = ~np.isnan(coordinates)
     rows = [
         [_Field("name", None, name), *_numbers("coordinates", xyz), *_numbers("error", a)]
         for name, xyz, a in zip(names, coordinates, np.where(known, error, np.nan), strict=True)
     ]
-    return _read(columns, rows, parse_points)
+    found = _read(columns, rows, parse_points)
+    points, pairs = with_correlations(found.value, correlated)
+    return Parsed(points, found.complaints, found.warnings), pairs
+
+
+def _errors(
+    columns: Columns, given: ControlPoints, coordinates: FloatArray | None
+) -> tuple[FloatArray | None, FloatArray | None]:
+    """Return the a-priori errors (n, 3), and the coefficients of correlation (3 n, 3 n) where there are any."""
+    if (given.error is None) == (given.covariance is None):
+        columns.complain("has both or none of error and covariance; give one of the two")
+        return None, None
+    if given.error is not None:
+        return columns.array("error", given.error, 3, may_be_one=True), None
+    if given.covariance is None or coordinates is None:
+        return None, None
+    return errors_and_correlations(columns, given.covariance, coordinates)
 
 
 def elements(given: Elements | None) -> Records[ControlElement]:
@@ -251,6 +115,28 @@ def figures(given: Figures | None) -> Records[FigurePoint]:
     found = _table("figures", given, ("figure", "kind", "point"), ("error",), parse_figures)
     points = tuple(point for point in found.value if isinstance(point, FigurePoint))
     return Parsed(points, found.complaints, found.warnings)
+
+
+def given_directions(given: GivenDirections | None) -> Records[GivenDirection]:
+    """Return given directions from one point to another."""
+    if given is None:
+        return Parsed(())
+    columns = Columns("given_directions")
+    names, start, end = (columns.names(name, getattr(given, name)) for name in ("name", "start", "end"))
+    along = columns.numbers("direction", given.direction, 3)
+    error = columns.array("error", given.error, may_be_one=True)
+    if names is None or start is None or end is None or along is None or error is None:
+        return Parsed((), tuple(columns.complaints))
+    rows = [
+        [
+            _Field("name", None, name), _Field("name", None, "DIRECTION"), _Field("start", None, first),
+            _Field("error", None, repr(one)), _Field("end", None, last), *_numbers("direction", axis),
+        ]
+        for name, first, last, axis, one in zip(names, start, end, along, error.tolist(), strict=True)
+    ]  # fmt: skip
+    found = _read(columns, rows, parse_figures)
+    lines = tuple(line for line in found.value if isinstance(line, GivenDirection))
+    return Parsed(lines, found.complaints, found.warnings)
 
 
 def stations(given: Stations | None) -> Records[Station]:

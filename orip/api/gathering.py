@@ -10,7 +10,7 @@ from msgspec import Struct
 from msgspec.structs import asdict
 
 from orip.api import control_tables
-from orip.api.control_tables import Columns
+from orip.api.columns import Columns
 from orip.api.given import (
     Camera,
     ControlPoints,
@@ -18,6 +18,7 @@ from orip.api.given import (
     Distances,
     Elements,
     Figures,
+    GivenDirections,
     PhotoPoints,
     Photos,
     PreliminaryPoints,
@@ -41,7 +42,13 @@ from orip.workflow.records.reconcile import with_polynomial
 _PROJECT = "BLOCK"
 """A name that a project must have; it appears nowhere."""
 
-_TABLES = {"camera": "cameras", "photo": "photos", "antenna": "antennas"}
+_TABLES = {
+    "camera": "cameras",
+    "photo": "photos",
+    "antenna": "antennas",
+    "rig": "rigs",
+    "exposure": "exposures",
+}
 """What the sections of orip.toml are called as arguments of a block."""
 
 _KINDS: Mapping[str, tuple[type, bool]] = {
@@ -52,6 +59,7 @@ _KINDS: Mapping[str, tuple[type, bool]] = {
     "distances": (Distances, False),
     "directions": (Directions, False),
     "figures": (Figures, False),
+    "given_directions": (GivenDirections, False),
     "stations": (Stations, False),
     "preliminary_points": (PreliminaryPoints, False),
 }
@@ -69,8 +77,11 @@ class Given(Struct, frozen=True):
     distances: Distances | None
     directions: Directions | None
     figures: Figures | None
+    given_directions: GivenDirections | None
     stations: Stations | None
     antennas: Sequence[Mapping[str, Any]]
+    rigs: Sequence[Mapping[str, Any]]
+    exposures: Sequence[Mapping[str, Any]]
     preliminary_points: PreliminaryPoints | None
     ground_unit: str
     crs: str | None
@@ -89,21 +100,24 @@ def block_input(given: Given) -> BlockInput:
         raise InputError(wrong)
     definition, complaints = _definition(given)
     observations = _observations(given)
-    points, elements = control_tables.control_points(given.control_points), control_tables.elements(given.elements)
+    points, correlations = control_tables.control_points(given.control_points)
+    elements = control_tables.elements(given.elements)
     distances = control_tables.distances(given.distances)
     directions = control_tables.directions(given.directions)
     figures = control_tables.figures(given.figures)
+    given_directions = control_tables.given_directions(given.given_directions)
     stations = control_tables.stations(given.stations)
     preliminary = control_tables.preliminary_points(given.preliminary_points)
     tables: tuple[Parsed[Any], ...] = (
-        observations, points, elements, distances, directions, figures, stations, preliminary,
+        observations, points, elements, distances, directions, figures, given_directions, stations, preliminary,
     )  # fmt: skip
     complaints += [complaint for table in tables for complaint in table.complaints]
     if complaints or definition is None or observations.value is None:
         raise InputError(complaints)
     control = Control(
-        points.value, elements.value, distances.value, directions.value, stations.value, figure_points=figures.value
-    )
+        points.value, elements.value, distances.value, directions.value, stations.value,
+        correlations=correlations, figure_points=figures.value, given_directions=given_directions.value,
+    )  # fmt: skip
     return _block_input(definition, observations.value, control, preliminary.value, points.warnings)
 
 
@@ -112,13 +126,14 @@ def _wrong_tables(given: Given) -> Iterator[Complaint]:
     cameras: object = given.cameras
     if not isinstance(cameras, list | tuple):
         yield Complaint(f"is {shown_token(repr(cameras))}; a list of orip.Camera is needed", "cameras")
-    antennas: object = given.antennas
-    if not isinstance(antennas, list | tuple):
-        yield Complaint(f"is {shown_token(repr(antennas))}; a list of dicts is needed", "antennas")
-    else:
-        for row, antenna in enumerate(antennas):
-            if not isinstance(antenna, Mapping):
-                yield Complaint(f"is {shown_token(repr(antenna))}; a dict is needed", f"antennas[{row}]")
+    for name in ("antennas", "rigs", "exposures"):
+        dicts: object = getattr(given, name)
+        if not isinstance(dicts, list | tuple):
+            yield Complaint(f"is {shown_token(repr(dicts))}; a list of dicts is needed", name)
+            continue
+        for row, one in enumerate(dicts):
+            if not isinstance(one, Mapping):
+                yield Complaint(f"is {shown_token(repr(one))}; a dict is needed", f"{name}[{row}]")
     for name, (kind, is_needed) in _KINDS.items():
         table = getattr(given, name)
         if not isinstance(table, kind) and (is_needed or table is not None):
@@ -144,8 +159,8 @@ def _block_input(
     measured = Measured(observations={record_key(bundle.name): observations})
     interior = interior_orientation(records, measured)
     unit, crs = definition.ground_unit, definition.crs
-    antennas = definition.antennas
-    return BlockInput(bundle, records, measured, interior, control, preliminary, unit, crs, warnings, antennas)
+    antennas, rigs = definition.antennas, definition.rigs
+    return BlockInput(bundle, records, measured, interior, control, preliminary, unit, crs, warnings, antennas, rigs)
 
 
 # cameras, photos and settings, as the tables of orip.toml
@@ -160,7 +175,9 @@ def _definition(given: Given) -> tuple[ProjectDefinition | None, list[Complaint]
         "project": {"name": _PROJECT, "ground_unit": given.ground_unit} | ({"crs": given.crs} if given.crs else {}),
         "camera": cameras,
         "photo": photos,
-        "antenna": [{key: _plain(value) for key, value in antenna.items()} for antenna in given.antennas],
+        "antenna": list(map(_plain, given.antennas)),
+        "rig": list(map(_plain, given.rigs)),
+        "exposure": list(map(_plain, given.exposures)),
         "bundle": [settings],
     }
     source, faults = checked_tables(document, lambda place: int(place[1]) + 1 if len(place) > 1 else 0)

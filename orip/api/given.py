@@ -116,11 +116,15 @@ class ControlPoints(Struct, frozen=True):
         X, Y, Z in ground units; NaN where one is not known.
     error : float or array (3,), (n, 1) or (n, 3)
         A-priori errors, ground units: 0 holds a coordinate, negative ones make it a check coordinate without influence.
+    covariance : array (n, 3, 3) or (3 n, 3 n), optional
+        In place of errors, ground units squared: of the coordinates of each point, or of all together, X Y Z point by
+        point. All coordinates have to be known then.
     """
 
     name: ArrayLike
     coordinates: ArrayLike
-    error: ArrayLike
+    error: ArrayLike | None = None
+    covariance: ArrayLike | None = None
 
 
 class Elements(Struct, frozen=True):
@@ -217,6 +221,27 @@ class Figures(Struct, frozen=True):
     figure: ArrayLike
     kind: ArrayLike
     point: ArrayLike
+    error: ArrayLike
+
+
+class GivenDirections(Struct, frozen=True):
+    """n directions from one point to another: edges of buildings, plumb lines.
+
+    Parameters
+    ----------
+    name : (n,) of str
+    start, end : (n,) of str
+        Names of points.
+    direction : array (n, 3)
+        Along the project's axes, of any length above 0.
+    error : float or array (n,)
+        A-priori error, degrees; negative: without influence.
+    """
+
+    name: ArrayLike
+    start: ArrayLike
+    end: ArrayLike
+    direction: ArrayLike
     error: ArrayLike
 
 

@@ -15,6 +15,7 @@ from orip.api.given import (
     Distances,
     Elements,
     Figures,
+    GivenDirections,
     PhotoPoints,
     Photos,
     PreliminaryPoints,
@@ -74,9 +75,12 @@ class Block:
     distances : Distances, optional
     directions : Directions, optional
     figures : Figures, optional
+    given_directions : GivenDirections, optional
     stations : Stations, optional
     antennas : sequence of dict
         With the keys and values of ``[[antenna]]``.
+    rigs, exposures : sequence of dict
+        With those of ``[[rig]]``, whose ``camera`` is a list of dicts, and of ``[[exposure]]``.
     preliminary_points : PreliminaryPoints, optional
     name : str
         Of the bundle adjustment, in results and messages.
@@ -122,8 +126,11 @@ class Block:
         distances: Distances | None = None,
         directions: Directions | None = None,
         figures: Figures | None = None,
+        given_directions: GivenDirections | None = None,
         stations: Stations | None = None,
         antennas: Sequence[Mapping[str, Any]] = (),
+        rigs: Sequence[Mapping[str, Any]] = (),
+        exposures: Sequence[Mapping[str, Any]] = (),
         preliminary_points: PreliminaryPoints | None = None,
         name: str = "MAIN",
         ground_unit: str = "m",
@@ -161,8 +168,11 @@ class Block:
             distances,
             directions,
             figures,
+            given_directions,
             stations,
             antennas,
+            rigs,
+            exposures,
             preliminary_points,
             ground_unit,
             crs,

@@ -72,6 +72,10 @@ class Solution:
     antennas : tuple of AntennaEstimate
         Parameters of each antenna, and shifts and drifts: `antenna`, `strip`, `name`, `value`, `sd`; ground unit,
         degrees, seconds. The sd is NaN for a constant and infinite for what nothing determines.
+    mountings : tuple of MountingEstimate
+        Of each camera on a rig: `rig`, `camera`, `name`, `value`, `sd`; ground unit, degrees. The sd is as of antennas.
+    exposures : tuple of ExposureEstimate
+        Of each exposure of a rig, as of photos: `exposure`, `rig`, `name`, `value`, `sd`.
     correlations : tuple of Correlation
         Between the parameters of each camera, and of each antenna.
     singular : tuple of SingularUnknown
@@ -109,6 +113,8 @@ class Solution:
         self.zero_directions = record.zero_directions
         self.figures = record.figures
         self.antennas = record.antennas
+        self.mountings = record.mountings
+        self.exposures = record.rig_exposures
         self.correlations = record.correlations
         self.singular = record.singular
         self.diagnosis = record.diagnosis

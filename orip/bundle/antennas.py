@@ -205,6 +205,7 @@ def part_of_block(block: Block, photos: BoolArray, points: BoolArray) -> Block:
         directions=directions,
         given_directions=tuple(line for line in block.given_directions if {line.start, line.end} <= names),
         figure_points=points_that_count(block.figure_points, names),
+        terrain_heights=tuple(one for one in block.terrain_heights if one.point in names),
         stations=tuple(station for station in block.stations if record_key(station.photo) in shown),
         differences=tuple(
             line for line in block.differences if {record_key(line.first), record_key(line.second)} <= shown

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -15,6 +16,7 @@ from orip.bundle.figures import with_determined_figures
 from orip.bundle.local_frame import constants_in_frame, frame_complaints, ground_system, photos_in_frame
 from orip.bundle.points.starting import with_starting_points
 from orip.bundle.rigs.starting import with_photos_on_rigs
+from orip.bundle.terrain import with_terrain_heights
 from orip.errors import Complaint, InputError, ProjectWarning
 from orip.interior.additional_parameters import base_of_camera
 from orip.interior.definitions import Definitions
@@ -26,7 +28,7 @@ from orip.records.coded_names import coded
 from orip.records.control import Control, ControlElement, PreliminaryPoint, Station
 from orip.records.definition import Antenna, BundleDefinition
 from orip.records.figures import points_that_count
-from orip.records.ground import GroundSystem
+from orip.records.ground import GroundSystem, TerrainModel
 from orip.records.measurement import Measured, PhotoObservations
 from orip.records.names import places_of_names, record_key
 from orip.records.photo import PHOTO_PARAMETERS, Photo
@@ -59,6 +61,7 @@ class BlockInput(Struct, frozen=True):
     antennas : tuple of Antenna
         All of the project.
     rigs : Rigs
+    terrains : tuple of TerrainModel
     """
 
     definition: BundleDefinition
@@ -72,6 +75,7 @@ class BlockInput(Struct, frozen=True):
     warnings: tuple[ProjectWarning, ...] = ()
     antennas: tuple[Antenna, ...] = ()
     rigs: Rigs = Rigs()
+    terrains: tuple[TerrainModel, ...] = ()
 
     @property
     def observations(self) -> PhotoObservations:
@@ -115,16 +119,32 @@ def gather(inputs: BlockInput, ground: GroundSystem | None = None) -> Block:
     block = _block_in_project(keys, inputs, ground)
     if complaints := frame_complaints(block):
         raise InputError(tuple(complaints))
-    block = replace(block, warnings=(*block.warnings, *without_motion(block)))
+    block = replace(block, warnings=(*block.warnings, *without_motion(block), *_without_exposures(block)))
     return with_orientations_of_stations(photos_in_frame(block))
+
+
+def _without_exposures(block: Block) -> Iterator[ProjectWarning]:
+    """Yield a warning of each rig of which several cameras have photos, but no exposure has photos of two."""
+    places = block.places_on_rigs()
+    together = Counter(photo.exposure for photo in places.photos)
+    used = {places.rig_of_exposure[exposure] for exposure, count in together.items() if count > 1}
+    cameras = {record_key(photo.camera) for photo in block.photos}
+    for rig in block.rigs.rigs:
+        if rig.name not in used and sum(record_key(one.name) in cameras for one in rig.cameras) > 1:
+            text = (
+                "no exposure has photos of two of its cameras, so that all photos are adjusted one by one; write an "
+                "[[exposure]] with the photos of each instant"
+            )
+            yield ProjectWarning("no-exposures", f"rig {rig.name}", text)
 
 
 def with_starting_values(block: Block) -> tuple[Block, list[ProjectWarning]]:
     """Return a gathered block, whose photos all have an orientation, with the starting values of points."""
     block, warnings = with_starting_points(with_photos_on_rigs(block))
     block, of_figures = with_determined_figures(block)
+    block, of_terrain = with_terrain_heights(block)
     block = replace(block, theodolites=theodolite_sets(block))
-    return constants_in_frame(block), [*warnings, *of_figures]
+    return constants_in_frame(block), [*warnings, *of_figures, *of_terrain]
 
 
 def _block_in_project(keys: Sequence[str], inputs: BlockInput, system: GroundSystem | None) -> Block:
@@ -159,6 +179,7 @@ def _block_in_project(keys: Sequence[str], inputs: BlockInput, system: GroundSys
         directions=ground.directions,
         figure_points=ground.figure_points,
         given_directions=ground.given_directions,
+        terrains=inputs.terrains,
         stations=ground.stations,
         differences=ground.differences,
         antennas=inputs.antennas,

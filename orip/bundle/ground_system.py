@@ -55,7 +55,7 @@ def control_on_a_line(solved: SolvedBlock) -> Iterator[Diagnosis]:
     held = [point for point in block.control_points if point.kind == "control"]
     others = (
         bool(block.directions)
-        or bool(block.given_directions)
+        or bool(block.given_directions or block.terrain_heights)
         or any(point.kind == "HEIGHT" for point in block.figure_points)
         or any(photo.constant for photo in block.photos)
         or any(station.has_position and min(station.position_error) >= 0.0 for station in block.stations)

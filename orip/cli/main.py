@@ -97,8 +97,8 @@ COMMANDS: Mapping[str, Listed] = {
         "Ground control and preliminary coordinates, line by line; comments and order of the files stay.", ("control",)
     ),
     "stations": Listed("Exposure stations from GNSS and INS.", ()),
-    "gnss": Listed("Compute the positions of a receiver from its observations and those of a base, with RTKLIB.", ()),
-    "imu": Listed("Smooth a trajectory with attitudes from inertial data and positions; write SBET and SMRMSG.", ()),
+    "gnss": Listed("Positions of a receiver, or a network of receivers that stand, with RTKLIB.", ()),
+    "imu": Listed("Smooth a trajectory with attitudes from inertial data and positions; noise of a unit.", ()),
     "detect": Listed("Targets in pictures: boards, tags, sheets of coded dots.", ()),
     "plan": Listed("Plan a flight or a network, and forecast its precision.", ()),
     "match": Listed("Measure tie points in the images of the photos, and write them to TIES.MEA.", ()),

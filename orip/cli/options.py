@@ -198,7 +198,7 @@ def _taken(group: type[G], given: dict[str, Any]) -> G:
 Registration = Callable[[typer.Typer], None]
 
 
-def add_group(app: typer.Typer, name: str, text: str, register: Registration) -> None:
+def add_group(app: typer.Typer, name: str, text: str, register: Registration, default: str | None = None) -> None:
     """Add a group of commands to a program or another group.
 
     Parameters
@@ -209,6 +209,8 @@ def add_group(app: typer.Typer, name: str, text: str, register: Registration) ->
         What `--help` says of the group.
     register : function of a typer.Typer
         Adds the commands of the group.
+    default : str, optional
+        The command that is meant where the first word names none.
     """
 
     class LateGroup(Group):
@@ -223,6 +225,11 @@ def add_group(app: typer.Typer, name: str, text: str, register: Registration) ->
         def get_command(self, ctx: Any, cmd_name: str) -> Any:
             self._put_together()
             return super().get_command(ctx, cmd_name)
+
+        def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+            if default and args and args[0] != "--help" and args[0] not in self.list_commands(ctx):
+                args = [default, *args]
+            return super().parse_args(ctx, args)
 
         def _put_together(self) -> None:
             if not self.complete:

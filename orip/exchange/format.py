@@ -56,6 +56,8 @@ class Conventions(Struct, frozen=True):
         Tells whether a result is put into a copy of an original. None: every original is copied.
     has_terms_of_original : bool
         A copy has the ground frame of its original, and the cameras that have not changed.
+    has_rigs : bool
+        Rigs and their exposures have a place in its files.
     lacks : tuple of str
         What the files of a new project in the format have no place for, and what an export says is not written.
     """
@@ -72,6 +74,7 @@ class Conventions(Struct, frozen=True):
     is_drawn: bool = False
     is_copied: Callable[[Path], bool] | None = None
     has_terms_of_original: bool = False
+    has_rigs: bool = False
     lacks: tuple[Given, ...] = ()
 
 

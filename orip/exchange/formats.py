@@ -94,7 +94,12 @@ FORMATS: tuple[Format, ...] = (
         is_model,
         write_model,
         Conventions(
-            "opencv", COLMAP, fisheye_lens="equidistant", fisheye_terms=COLMAP_FISHEYE_TERMS, lacks=_WITHOUT_GROUND
+            "opencv",
+            COLMAP,
+            fisheye_lens="equidistant",
+            fisheye_terms=COLMAP_FISHEYE_TERMS,
+            has_rigs=True,
+            lacks=_WITHOUT_GROUND,
         ),
     ),
     Format(
@@ -110,6 +115,7 @@ FORMATS: tuple[Format, ...] = (
             terms=OPENSFM_TERMS,
             fisheye_terms=OPENSFM_FISHEYE_TERMS,
             is_copied=is_copied_reconstruction,
+            has_rigs=True,
             lacks=_WITHOUT_GROUND,
         ),
     ),
@@ -125,6 +131,7 @@ FORMATS: tuple[Format, ...] = (
             fisheye_lens="agisoft_fisheye",
             is_copied=is_copied,
             has_terms_of_original=True,
+            has_rigs=True,
             lacks=("distances", "tie points"),
         ),
         add_references=with_references,

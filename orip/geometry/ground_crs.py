@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 _SAME_UNIT = 1e-9
 """Relative difference of two units that are the same; foot and US survey foot differ by 2e-6."""
 
-_OUTSIDE = 1.0
+OUTSIDE = 1.0
 """Degrees outside a system's area of use at which a warning is due; neighbouring zones are used across their edge."""
 
 _LONGEST_SHOWN = 60
@@ -334,15 +334,21 @@ def _heights_warning(shown: str) -> ProjectWarning:
     )  # fmt: skip
 
 
-def _area_warnings(crs: GroundCrs, whole: pyproj.CRS, place: FloatArray) -> list[ProjectWarning]:
+def outside_area(whole: pyproj.CRS, longitude: float, latitude: float) -> float:
+    """Return how far a place (degrees) is outside the area that a system is made for, degrees; 0 or less: it is not."""
     area = whole.area_of_use
     if area is None:
-        return []
-    longitude, latitude = degrees_at(crs, place)
+        return 0.0
     # the area may cross the 180th meridian, west is then greater than east
     half = 0.5 * ((area.east - area.west) % 360.0 or 360.0)
     off = abs((longitude - area.west - half + 180.0) % 360.0 - 180.0) - half
-    if max(off, latitude - area.north, area.south - latitude) <= _OUTSIDE:
+    return float(max(off, latitude - area.north, area.south - latitude))
+
+
+def _area_warnings(crs: GroundCrs, whole: pyproj.CRS, place: FloatArray) -> list[ProjectWarning]:
+    area = whole.area_of_use
+    longitude, latitude = degrees_at(crs, place)
+    if area is None or outside_area(whole, longitude, latitude) <= OUTSIDE:
         return []
     return [
         ProjectWarning(

@@ -47,13 +47,9 @@ def readings_in_another_grid(xy: FloatArray, others: FloatArray) -> Iterator[tup
         for step in _NEXT:
             for side in ("", " +south"):
                 source, target = (f"+proj=utm +zone={zone} +ellps=GRS80{side}" for zone in (30, 30 + step))
-                own_side, other_side = ("western", "eastern") if step > 0 else ("eastern", "western")
-                which = f"of two zones{'' if abs(step) == 1 else ' that are not neighbours'}"
-                yield (
-                    _transformed(xy, source, target),
-                    f"UTM coordinates of the {own_side} {which}",
-                    f"of the {other_side} one",
-                )
+                sides = ("western", "eastern") if step > 0 else ("eastern", "western")
+                own_zone, other_zone = (f"UTM coordinates of the {side} of two zones" for side in sides)
+                yield _transformed(xy, source, target), own_zone, other_zone
 
 
 def _is_long(easting: float) -> bool:

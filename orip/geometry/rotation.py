@@ -237,3 +237,20 @@ def navigation_from_rotation(rotations: FloatArray) -> FloatArray:
     pitch = -np.arcsin(np.clip(to_ned[:, 2, 0], -1.0, 1.0))
     heading = np.arctan2(to_ned[:, 1, 0], to_ned[:, 0, 0])
     return np.stack([roll, pitch, heading], axis=1)
+
+
+def looking_along(direction: FloatArray, roll: float) -> FloatArray:
+    """Return the rotation (3, 3), photo to ground, of a camera that looks along a direction, its y axis upwards.
+
+    Parameters
+    ----------
+    direction : array (3,)
+        Of length 1.
+    roll : float
+        Turn of the camera about its axis, radians.
+    """
+    up = np.array([0.0, 1.0, 0.0]) if abs(direction[2]) > 1.0 - 1e-9 else np.array([0.0, 0.0, 1.0])
+    right = np.cross(direction, up)
+    right /= np.linalg.norm(right)
+    axes = np.column_stack([right, np.cross(-direction, right), -direction])
+    return np.asarray(axes @ rotation_from_angles(np.array([[0.0, 0.0, roll]]))[0])

@@ -6,7 +6,6 @@ import hashlib
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +13,6 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 from orip.errors import InputError
-from orip.files.text.atomic import remove_leftovers, replace_bytes
-from orip.files.text.own_files import make_folder
-from orip.files.text.regular_file import regular_bytes
 from orip.images.image_files import (
     REDUCTIONS,
     in_eight_bits,
@@ -26,9 +22,7 @@ from orip.images.image_files import (
     read_grey,
     read_header,
 )
-
-TILE_FOLDER = ".orip-tiles"
-"""In the project folder; it may be deleted at any time."""
+from orip.images.tile_folder import TileFolder
 
 TILE = 512
 """Pixels of a side."""
@@ -52,69 +46,83 @@ def level_count(columns: int, rows: int) -> int:
     return max(0, (max(columns, rows, TILE) - 1).bit_length() - (TILE - 1).bit_length()) + 1
 
 
+class StoredImage(Struct, frozen=True):
+    """An image file as it was found.
+
+    Parameters
+    ----------
+    path : Path
+    shown : str
+        The file as the user would name it.
+    size : tuple of 2 int
+        Columns and rows: with others, what is measured in it would be wrong.
+    """
+
+    path: Path
+    shown: str
+    size: tuple[int, int]
+
+
 class TileStore:
     """Tiles and grey values of image files; may be used by several threads, of which one decodes at a time.
 
     Parameters
     ----------
-    folder : Path
-        Of the project. Where nothing can be written to it, tiles are made again each time.
+    project : Path
+        Its folder. Where nothing can be written to it, tiles are made again each time.
+
+    Methods raise an `InputError` if the image cannot be read, or has another size meanwhile.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder / TILE_FOLDER
+    def __init__(self, project: Path) -> None:
+        self._folder = TileFolder(project)
         self._decoded: OrderedDict[str, NDArray[np.uint8]] = OrderedDict()
+        self._right: set[tuple[str, tuple[int, int]]] = set()
         self._lock = threading.Lock()
-        with suppress(OSError):
-            make_folder(self._folder)
-            remove_leftovers(self._folder)
 
-    def tile(self, image: Path, shown: str, name: TileName) -> bytes:
-        """Return a tile as JPEG.
-
-        Raises
-        ------
-        InputError
-            If the image cannot be read, or has no such tile.
-        """
-        key = _key(image, shown)
-        path = self._folder / f"{key}-{name.level}-{name.column}-{name.row}.jpg"
-        with suppress(OSError):
-            return regular_bytes(path)
-        level = self.level(image, shown, name.level)
+    def tile(self, image: StoredImage, name: TileName) -> bytes:
+        """Return a tile as JPEG; raise an `InputError` also if there is no such tile."""
+        file = f"{self._key(image)}-{name.level}-{name.column}-{name.row}.jpg"
+        if (kept := self._folder.read(file)) is not None:
+            return kept
+        level = self.level(image, name.level)
         rows, columns = (slice(at * TILE, (at + 1) * TILE) for at in (name.row, name.column))
         part = level[rows, columns] if min(name.row, name.column) >= 0 else level[:0]
         if not part.size:
             message = f"the image has no tile {name.column}, {name.row} in level {name.level}"
-            raise InputError.single(message, shown)
+            raise InputError.single(message, image.shown)
         data = as_jpeg(part)
-        with suppress(OSError):
-            replace_bytes(path, data)
+        with self._lock:
+            self._folder.write(file, data)
         return data
 
-    def level(self, image: Path, shown: str, level: int, *, is_grey: bool = False) -> NDArray[np.uint8]:
-        """Return an image reduced by 2^level, (rows, columns) of grey values or with three colours.
-
-        Raises
-        ------
-        InputError
-            If the image cannot be read, or has no such level.
-        """
+    def level(self, image: StoredImage, level: int, *, is_grey: bool = False) -> NDArray[np.uint8]:
+        """Return an image reduced by 2^level, (rows, columns) of grey values or with three colours."""
+        key = f"{self._key(image)} {level}{' grey' * is_grey}"
         with self._lock:
-            key = f"{_key(image, shown)} {level}{' grey' * is_grey}"
-            return self._kept(key, lambda: _read_level(image, level, shown, is_grey=is_grey))
+            return self._kept(key, lambda: _read_level(image.path, level, image.shown, is_grey=is_grey))
 
-    def grey(self, image: Path, shown: str) -> NDArray[np.uint8]:
-        """Return the grey values of an image, (rows, columns), of 8 bits.
+    def grey(self, image: StoredImage, rows: slice, columns: slice) -> NDArray[np.uint8]:
+        """Return the grey values of a part of an image, of 8 bits; the whole is decoded once, and then kept.
 
-        Raises
-        ------
-        InputError
-            If the image cannot be read.
+        Parameters
+        ----------
+        image : StoredImage
+        rows, columns : slice
+            Within the image.
         """
-        key = _key(image, shown)
+        key = self._key(image)
+        file, memory = f"{key}.grey", f"{key} grey"
         with self._lock:
-            return self._kept(f"{key} grey", lambda: read_eight_bits(image, shown))
+            found = None if memory in self._decoded else self._folder.rows(file, rows.start, rows.stop, image.size[0])
+            if found is not None:
+                return found[:, columns].copy()
+            whole = self._decoded.get(memory)
+            if whole is None:
+                whole = read_eight_bits(image.path, image.shown)
+                if not self._folder.write(file, whole.tobytes()):
+                    self._kept(memory, lambda: whole)
+            return whole[rows, columns].copy()
 
     def _kept(self, key: str, read: Callable[[], NDArray[np.uint8]]) -> NDArray[np.uint8]:
         if key in self._decoded:
@@ -126,16 +134,29 @@ class TileStore:
             self._decoded.popitem(last=False)
         return found
 
+    def require_as_found(self, image: StoredImage) -> None:
+        """Refuse an image that cannot be read, or has another size meanwhile."""
+        self._key(image)
 
-def _key(image: Path, shown: str) -> str:
-    """Return a digest of an image's path, size and time: an image that has changed has another one."""
-    try:
-        state = image.stat()
-    except OSError as error:
-        message = f"the image is not there any more ({error.strerror}); put it back, or correct 'image' in orip.toml"
-        raise InputError.single(message, shown) from None
-    text = f"{_FORMAT} {image.resolve()} {state.st_size} {state.st_mtime_ns}"
-    return hashlib.blake2b(text.encode(errors="surrogateescape"), digest_size=12).hexdigest()
+    def _key(self, image: StoredImage) -> str:
+        """Return a digest of an image's path, size and time: an image that has changed has another one."""
+        try:
+            state = image.path.stat()
+        except OSError as error:
+            message = f"the image is not there any more ({error.strerror}); put it back, or correct 'image'"
+            raise InputError.single(message, image.shown) from None
+        text = f"{_FORMAT} {image.path.resolve()} {state.st_size} {state.st_mtime_ns}"
+        key = hashlib.blake2b(text.encode(errors="surrogateescape"), digest_size=12).hexdigest()
+        if (key, image.size) not in self._right:
+            header = read_header(image.path, image.shown)
+            if (header.columns, header.rows) != image.size:
+                message = (
+                    f"the image has {header.columns} x {header.rows} pixels now, and had {image.size[0]} x "
+                    f"{image.size[1]} when the page was begun: put it back, or end 'orip screen' and begin it again"
+                )
+                raise InputError.single(message, image.shown)
+            self._right.add((key, image.size))
+        return key
 
 
 def _read_level(image: Path, level: int, shown: str, *, is_grey: bool) -> NDArray[np.uint8]:

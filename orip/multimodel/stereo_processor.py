@@ -166,6 +166,18 @@ class StereoProcessor:
         found = meeting(left.centre, right.centre, rays[0], rays[1])
         return found.middle if found.sine_square > PARALLEL else None
 
+    def project_place_of(self, vertex: StereoVertex) -> Triple | None:
+        """Return `place_of`, in the project."""
+        place = self.place_of(vertex)
+        return None if place is None else self._to_project(place)
+
+    def ground_pixel(self) -> tuple[float, float]:
+        """Return what a rectified pixel is at the mark, ground units: across, and as x-parallax in height."""
+        pair = self.rectified(self._state.model)
+        depth = -pair.model.model_of_object(*(self._state.mark or self._where_rays_meet()))[2]
+        pixel = pair.pitch * depth / pair.c
+        return pixel, pixel * depth / _base(pair.model)
+
     def _ray(self, photo: DrivenPhoto, xy: Position) -> Triple | None:
         known = self._photos[photo.name]
         return photo.ray(*(_plate(known.image, xy) if known.is_digital else photo.plate_of_photo(*xy)))
@@ -209,10 +221,34 @@ class StereoProcessor:
         )
         self._take(drive_plate(self._block, self._state, photo.stage, _plate(image, log)))
 
+    def go_to_vertex(self, vertex: StereoVertex) -> None:
+        """Set the plates to what was measured: those of its photos, in another model to where its rays meet."""
+        model = active_model(self._block, self._state)
+        pair = zip(model.photos, (vertex.left_xy, vertex.right_xy), strict=True)
+        if (vertex.left, vertex.right) == self.photo_names(self._state.model):
+            for photo, xy in pair:
+                known = self._photos[photo.name]
+                plate = _plate(known.image, xy) if known.is_digital else photo.plate_of_photo(*xy)
+                self._take(drive_plate(self._block, self._state, photo.stage, plate))
+        elif (place := self.place_of(vertex)) is not None:
+            self._take(drive_object(self._block, self._state, place))
+
     def change_model(self, name: str) -> None:
         """Change to a model: at the same place, or in its middle where it does not show that."""
         self._take(change_model(self._block, self._state, name))
         self._go_inside()
+
+    def other_models(self) -> list[str]:
+        """Return the names of the other models that show the mark, farthest from their borders first."""
+        mark = np.array([self._state.mark or self._where_rays_meet()])
+        inside: list[tuple[float, str]] = []
+        for number, model in enumerate(self._block.models):
+            if number != self._state.model and inside_model(self._block, number, mark)[0]:
+                pair = self.rectified(number)
+                places = np.array([pair.places(side, mark)[0] for side in (0, 1)])
+                sizes = np.array([[columns, pair.rows] for columns in pair.columns])
+                inside.append((float(np.minimum(places, sizes - places).min()), model.name))
+        return [name for _, name in sorted(inside, reverse=True)]
 
     def next_model(self) -> None:
         """Change to the next model, as `change_model`."""

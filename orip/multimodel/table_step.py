@@ -15,10 +15,12 @@ from orip.geometry.plane import PlaneTransformation
 from orip.multimodel.processor import Loaded, drivable_name_fault, load, table_faults
 from orip.multimodel.table import TableIngredients, drive_table, frame_size, object_ground, with_empty_stages
 from orip.multimodel.table_text import drive_table_text, read_drive_table
+from orip.records.camera import READOUT, Camera
 from orip.records.definition import StereoModel, plan_stages
 from orip.records.drive_table import DriveFault, DriveTable
 from orip.records.names import record_key
 from orip.records.photo import PHOTO_PARAMETERS, Photo, Stage
+from orip.records.results.solution import Solution
 from orip.structs import replace
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Change, commit
@@ -280,6 +282,20 @@ def _solution_warnings(bundle: BundleState, ingredients: TableIngredients) -> It
         if 0.0 in frame_size(camera):
             text = "has no frame: models do not change at frame lines, only where a stage ends"
             yield ProjectWarning("no-frame", f"camera {camera.name}", text)
+        readout = _parameter(solution, camera, READOUT)
+        if readout:
+            photos = {photo.name for key, photo in used.items() if record_key(photo.camera) == record_key(camera.name)}
+            moved = max((one.pixels for one in solution.motions if one.photo in photos), default=0.0)
+            text = (
+                f"has a readout of {readout:.4g} s, which a drive table does not hold: places are those of the middle "
+                f"row, and off by up to half of the motion of the photos, {moved:.1f} px at most"
+            )
+            yield ProjectWarning("readout", f"camera {camera.name}", text)
+
+
+def _parameter(solution: Solution, camera: Camera, place: int) -> float:
+    row = list(map(record_key, solution.cameras.names)).index(record_key(camera.name))
+    return float(solution.cameras.values[row, place])
 
 
 def _is_stale(bundle: BundleState) -> bool:

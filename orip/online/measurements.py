@@ -14,7 +14,6 @@ from msgspec import Struct
 from orip.bundle.antennas import NONE, antenna_of, is_shifted
 from orip.bundle.assemble import BlockInput, gather
 from orip.bundle.local_frame import ground_system
-from orip.errors import InputError
 from orip.records.block import Block
 from orip.records.control import Control, ControlDistance, ControlElement, ControlPoint, Station
 from orip.records.ground import GroundSystem
@@ -174,13 +173,9 @@ class Measurements:
     """
 
     def __init__(self, inputs: BlockInput) -> None:
-        if inputs.control.correlations:
-            message = (
-                "covariances between control points are not taken in while measuring; keep the .COV file elsewhere "
-                "during the session, and give it to 'orip solve'"
-            )
-            raise InputError.single(message)
-        self._inputs = replace(inputs, control=replace(inputs.control, stations=_steady_stations(inputs)))
+        # one point's errors may be left out without changing the equations of others
+        control = replace(inputs.control, stations=_steady_stations(inputs), correlations=())
+        self._inputs = replace(inputs, control=control, terrains=())
         # what is known of points and photos does not depend on which one counts
         self._testable, self._held = (
             _ControlByName(_testable(self._inputs)),

@@ -346,8 +346,8 @@ class OnlineBlock:
             correction[start : start + 3] = points.get(part.point_names[row], np.zeros(3))
         correction[unknowns.layout.fixed] = 0.0
         state = starting_state(part).moved(correction, unknowns)
-        for row, photo in enumerate(part.photos):
-            orientations[photo.name] = np.concatenate([state.centres[row], state.angles()[row]])
+        elements = np.hstack([state.centres, state.angles()])
+        orientations.update(zip((photo.name for photo in part.photos), elements, strict=True))
         for row, name in enumerate(part.point_names):
             places[name] = state.points[row].copy()
         return orientations, places

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from importlib.resources import files
 from itertools import groupby
 from pathlib import Path
@@ -47,14 +47,14 @@ class RayState(NamedTuple):
     state: State
 
 
-def ray_states(measuring: Measuring) -> Iterator[RayState]:
-    """Yield all photo points that are measured, photo by photo.
+def ray_states(measuring: Measuring, photos: Iterable[str] | None = None) -> Iterator[RayState]:
+    """Yield the photo points that are measured, photo by photo; None: of all photos.
 
     Whether one is checked is told by the number of rays, and by control; an answer tells it from redundancy numbers.
     """
     block = measuring.block
     included, is_checked = block.equations.included, _checked_points(measuring)
-    for photo in block.measurements.photos:
+    for photo in block.measurements.photos if photos is None else photos:
         for point in block.measurements.points_in(photo):
             key = ObservationKey("photo", photo, point)
             xy = block.measurements.at(photo, point)
@@ -118,12 +118,19 @@ class OnlinePage:
 
         While something is reconsidered, the photos are those of before.
         """
+        return self._now(self._photos)
+
+    def told(self) -> Document:
+        """Return `state` without the photos."""
+        return self._now(lambda _: {})
+
+    def _now(self, drawn: Callable[[Measuring], Document]) -> Document:
         with self._lock:
             if self._is_old:
                 self._serial += 1
                 is_busy = self._session.is_busy
-                photos = {} if is_busy else self._photos(self._session.measuring)
-                self._state = {**self._state, **photos, **self._answered(), "serial": self._serial}
+                found = {} if is_busy else {**drawn(self._session.measuring), **_told(self._session.measuring)}
+                self._state = {**self._state, **found, **self._answered(), "serial": self._serial}
                 self._is_old = is_busy
             return self._state
 
@@ -142,14 +149,17 @@ class OnlinePage:
                     "points": [[ray.point, x, y, ray.state] for ray, (x, y) in zip(rays, places, strict=True)],
                 }
             )
-        return {
-            "photos": photos,
-            "suspects": [words_of(key) for key in measuring.suspects],
-            "waiting": list(dict.fromkeys(measuring.waiting().values()))[:_MOST_WAITING],
-        }
+        return {"photos": photos}
 
     def _answered(self) -> Document:
         return {"answer": self._answer, "history": self._history}
+
+
+def _told(measuring: Measuring) -> Document:
+    return {
+        "suspects": [words_of(key) for key in measuring.suspects],
+        "waiting": list(dict.fromkeys(measuring.waiting().values()))[:_MOST_WAITING],
+    }
 
 
 class ServedSession:
@@ -164,6 +174,7 @@ class ServedSession:
     def __init__(self, session: OnlineSession, folder: Path) -> None:
         self._session, self._folder = session, folder
         self._lock = threading.Lock()
+        self._kept: tuple[int, SeenBlock] | None = None
         self.page = OnlinePage(session, self._lock)
 
     def greeting(self) -> Reply:
@@ -175,6 +186,7 @@ class ServedSession:
         """Return the reply to a line; None: who has sent it wants to leave."""
         with self._lock:
             reply = reply_to(self._session, self._folder, line)
+            self._kept = None  # to relinearise is no request to what is measured
             if reply is not None:
                 self.page.answered(reply)
             return reply
@@ -189,21 +201,23 @@ class ServedSession:
             self.page.answered(reply)
             return reply
 
-    def points(self) -> Document | None:
-        """Return by photo all points, ``[name, x, y, state]`` as in a measurement file, and what is up in the photo.
+    def points(self, photos: Iterable[str]) -> Document | None:
+        """Return by photo its points, ``[name, x, y, state]`` as in a measurement file, and what is up in it.
 
         None while something is reconsidered.
         """
         with self._lock:
             if self._session.is_busy:
                 return None
-            photos, to_logs = self._seen().photos, self._session.to_logs()
-            found: dict[str, list[Any]] = {}
-            for ray in ray_states(self._session.measuring):
-                x, y = to_logs[record_key(ray.photo)].apply(np.array([ray.xy]))[0].round(4).tolist()
-                found.setdefault(ray.photo, []).append([ray.point, x, y, ray.state])
-        up = {name: (photo.to_log.matrix @ photo.upwards()).tolist() for name, photo in photos.items()}
-        return {name: {"points": found.get(name, []), "up": up.get(name)} for name in {**found, **up}}
+            seen_photos, to_logs = self._seen().photos, self._session.to_logs()
+            found: Document = {name: {"points": [], "up": None} for name in photos}
+            for name, group in groupby(ray_states(self._session.measuring, found), key=lambda ray: ray.photo):
+                rays = list(group)
+                places = to_logs[record_key(name)].apply(np.array([ray.xy for ray in rays])).round(4).tolist()
+                found[name]["points"] = [[ray.point, x, y, ray.state] for ray, (x, y) in zip(rays, places, strict=True)]
+        for name in found.keys() & seen_photos.keys():
+            found[name]["up"] = (seen_photos[name].to_log.matrix @ seen_photos[name].upwards()).tolist()
+        return found
 
     def control(self) -> list[str]:
         """Return the names of the points with control."""
@@ -226,7 +240,7 @@ class ServedSession:
         with self._lock:
             view = self._seen()
             name, distance = self._distance(view, photo, xy, point)
-            return transferred(view.photos, name, np.array(xy), distance, ray_error(view.block.measurements.inputs))
+            return transferred(view, name, np.array(xy), distance, ray_error(view.block.measurements.inputs))
 
     def ray(self, photo: str, xy: tuple[float, float], point: str) -> dict[str, Any]:
         """Return by photo the line in which the others show the ray of a place in a photo; see `transferred`."""
@@ -236,8 +250,11 @@ class ServedSession:
             return dict(ray_images(view.photos, name, np.array(xy), distance))
 
     def _seen(self) -> SeenBlock:
-        block = self._session.measuring.block
-        return seen(block, self._session.to_logs())
+        """Return the block at its solution, which is computed once for each change."""
+        block, count = self._session.measuring.block, self._session.changes
+        if self._kept is None or self._kept[0] != count or self._kept[1].block is not block:
+            self._kept = count, seen(block, self._session.to_logs())
+        return self._kept[1]
 
     def _distance(self, view: SeenBlock, photo: str, xy: tuple[float, float], point: str) -> tuple[str, float]:
         """Return a photo's name as it is defined, and how far the ground is at a place of it."""

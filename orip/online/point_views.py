@@ -26,6 +26,9 @@ _NEIGHBOURS = 5
 _REACH = 1.5
 """Times that distance up to which the image of a ray is drawn, and its inverse from which on."""
 
+_WIDER = 1.3
+"""Times the angle of a frame's corners in which is looked for what a photo shows: principal point and distortion."""
+
 _PLACES = 33
 """Of the image of a ray: distortion bends it."""
 
@@ -128,16 +131,30 @@ class SeenBlock(Struct, frozen=True):
         Those that are oriented, by name.
     points : dict of array (3,)
         Those that are placed, by name, local coordinates.
+    looks : array (photos, 2, 3)
+        Their centres and the directions in which they look.
+    least_along : array (photos,)
+        Cosines of angles to these within which all is that they show.
     """
 
     block: OnlineBlock
     photos: dict[str, PhotoGeometry]
     points: dict[str, FloatArray]
+    looks: FloatArray
+    least_along: FloatArray
 
     def place_of(self, point: str) -> FloatArray | None:
         """Return the local coordinates (3,) of a point that is placed or has all of them by control; else None."""
         placed = self.points.get(point)
         return placed if placed is not None else given_places(self.block, [point]).get(point)
+
+    def showing(self, place: FloatArray) -> list[str]:
+        """Return the photos that show a local place (3,): looked at closely are those that look towards it."""
+        names = list(self.photos)
+        off = place - self.looks[:, 0]
+        along = np.einsum("nk,nk->n", off, self.looks[:, 1]) / np.maximum(np.linalg.norm(off, axis=1), 1e-300)
+        towards = np.flatnonzero(along > self.least_along)
+        return [name for row in towards if self.photos[name := names[row]].shows(place[None])[0]]
 
 
 def seen(block: OnlineBlock, to_log: Mapping[str, PlaneTransformation]) -> SeenBlock:
@@ -161,14 +178,25 @@ def seen(block: OnlineBlock, to_log: Mapping[str, PlaneTransformation]) -> SeenB
             rotation_from_angles(elements[None, 3:])[0],
             to_log[key].after(inputs.interior.to_photo[key].inverse()),
         )
-    return SeenBlock(block, found, points)
+    looks = np.array([[photo.centre, -photo.rotation[:, 2]] for photo in found.values()]).reshape(-1, 2, 3)
+    return SeenBlock(block, found, points, looks, np.array([_least_along(photo) for photo in found.values()]))
+
+
+def _least_along(photo: PhotoGeometry) -> float:
+    """Return the cosine of an angle to the axis that no ray of the frame has, whatever its distortion."""
+    corners = frame_corners(photo.camera)
+    if corners is None:
+        return -1.0
+    radius, c = float(np.abs(corners).max(axis=0) @ [1.0, 1.0]), photo.parameters[0]
+    angle = radius / c if photo.camera.projection == "equidistant" else math.atan(radius / c)
+    return math.cos(min(_WIDER * angle, math.pi))
 
 
 def views_of(view: SeenBlock, point: str) -> list[View]:
     """Return where all photos show a point that show it, those that show it best first."""
     place, photos = view.place_of(point), view.photos
     measurements, found = view.block.measurements, []
-    showing = [name for name, photo in photos.items() if place is not None and photo.shows(place[None])[0]]
+    showing = [] if place is None else view.showing(place)
     covariances = predicted_covariances(view.block, showing, point)
     for name in dict.fromkeys([*showing, *measurements.photos_of(point)]):
         stored, photo = measurements.at(name, point), photos.get(name)
@@ -228,19 +256,18 @@ def distance_along(view: SeenBlock, photo: str, log: FloatArray, point: str) -> 
     return float(np.median(distances)) if np.median(distances) > 0.0 else None
 
 
-def transferred(
-    photos: Mapping[str, PhotoGeometry], photo: str, log: FloatArray, distance: float, ray_error: float
-) -> list[Transfer]:  # fmt: skip
+def transferred(view: SeenBlock, photo: str, log: FloatArray, distance: float, ray_error: float) -> list[Transfer]:
     """Return where other photos show what is at a place (2,) of a photo, at a distance along its ray.
 
     The surface is taken for a plane that faces both photos alike; `ray_error` is in radians.
     """
-    here, found = photos[photo], []
+    here, found = view.photos[photo], []
     direction = here.directions(log[None])[0]
     place = here.centre + distance * direction
-    for name, there in photos.items():
-        if name == photo or not there.shows(place[None])[0]:
+    for name in view.showing(place):
+        if name == photo:
             continue
+        there = view.photos[name]
         normal = -direction + (there.centre - place) / np.linalg.norm(there.centre - place)
         around = log + 4.0 * np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0], [0.0, 0.0]])
         rays = here.directions(around)

@@ -12,6 +12,7 @@ import numpy as np
 from orip.arrays import FloatArray
 from orip.errors import OripError, UsageError
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
+from orip.online.additions import what_helps
 from orip.online.answers import Answer, Candidate, Suspect, words_of
 from orip.online.control_examination import control_as_given
 from orip.online.deviations import photo_deviations, point_deviations
@@ -172,13 +173,13 @@ def _carried_out(session: OnlineSession, folder: Path, request: Request) -> Repl
                 raise UsageError(message)
             session.measuring.relinearise()
             return {"summary": summary(session.measuring)}
-        case "solve":
-            return _solved(session, folder, prune=request.prune)
+        case "add" | "solve":
+            return _ADJUSTED[request.do](session, folder, request)
         case _:
             return shown(session, request)
 
 
-def _solved(session: OnlineSession, folder: Path, *, prune: bool) -> Reply:
+def _solved(session: OnlineSession, folder: Path, request: Request) -> Reply:
     """Do what `orip measure` and `orip solve` do."""
     # they take their time to import, and a session has to answer soon
     from orip.bundle.methods import Method
@@ -188,7 +189,7 @@ def _solved(session: OnlineSession, folder: Path, *, prune: bool) -> Reply:
     from orip.workflow.project.commit import commit
     from orip.workflow.project.state import read_project
 
-    method = Method(prune=prune)
+    method = Method(prune=request.prune)
     commit(measure(read_project(folder, *MEASURED_FROM)))
     outcome = commit(solve(read_bundle(folder, session.bundle.name, *ADJUSTED_FROM), method=method)).outcome
     solution = outcome.solution
@@ -199,6 +200,10 @@ def _solved(session: OnlineSession, folder: Path, *, prune: bool) -> Reply:
         "held": [one.text for one in solution.diagnosis if one.code == "pruned"],
         "files": [path.name for path in outcome.files],
     }
+
+
+_ADJUSTED: Mapping[str, Callable[[OnlineSession, Path, Request], Reply]] = {"add": what_helps, "solve": _solved}
+"""What adjusts everything first."""
 
 
 def shown(session: OnlineSession, request: Request = SUMMARY) -> Reply:

@@ -20,7 +20,8 @@ from orip.online.measuring import Measuring
 from orip.records.names import name_fault
 from orip.threads import begin_thread
 
-Do = Literal["measure", "remove", "exclude", "include", "undo", "show", "relinearise", "solve", "quit"]
+Do = Literal["measure", "remove", "exclude", "include", "undo", "show", "relinearise", "add", "solve", "quit"]
+Added = Literal["control", "distances", "photos"]
 Shown = Literal[
     "summary",
     "waiting",
@@ -40,10 +41,14 @@ _ALLOWED = {
     **dict.fromkeys(_OF_POINT, frozenset({"photo", "point"})),
     "measure": frozenset({"photo", "point", "x", "y"}),
     "show": frozenset({"what", "photo", "point"}),
+    "add": frozenset({"what", "number"}),
     "solve": frozenset({"prune"}),
 }
 _OF_GIVEN = frozenset({"exclude", "include"})
 """The keys of a request beside `do`."""
+
+_MOST_ADDED = 20
+"""What to add at once: each takes a moment of search."""
 
 _LONGEST = 4096
 """Characters of a line; a longer one is no request."""
@@ -61,6 +66,8 @@ class Request(Struct, frozen=True):
         Of `measure`: as in a measurement file, plate millimetres or pixels.
     what : Shown
         Of `show`.
+    added, number : Added, int
+        Of `add`: what could be observed beside what is measured, and how many of them.
     observation : str
         Of `exclude` and `include`, in place of a photo point: what was given, as answers call it.
     prune : bool
@@ -74,6 +81,8 @@ class Request(Struct, frozen=True):
     what: Shown = "summary"
     prune: bool = False
     observation: str = ""
+    added: Added = "photos"
+    number: int = 1
 
 
 def read_request(line: str) -> Request:
@@ -105,6 +114,8 @@ def read_request(line: str) -> Request:
             raise UsageError(message)
         photo, point = (_name(given, key) if key in given else "" for key in ("photo", "point"))
         return Request("show", photo, point, what=what)
+    if do == "add":
+        return Request("add", added=_added(given.get("what")), number=_count(given.get("number", 1)))
     if do == "solve":
         return Request("solve", prune=_flag(given, "prune"))
     if do not in _OF_POINT:
@@ -134,6 +145,20 @@ def _what(given: object) -> Shown:
         message = f'"what" is {_shown(given)}; it is one of {", ".join(get_args(Shown))}'
         raise UsageError(message)
     return cast(Shown, given)
+
+
+def _added(given: object) -> Added:
+    if given not in get_args(Added):
+        message = f'"what" is {_shown(given)}; it is one of {", ".join(get_args(Added))}'
+        raise UsageError(message)
+    return cast(Added, given)
+
+
+def _count(given: object) -> int:
+    if isinstance(given, bool) or not isinstance(given, int) or not 1 <= given <= _MOST_ADDED:
+        message = f'"number" is {_shown(given)}; it is a whole number from 1 to {_MOST_ADDED}'
+        raise UsageError(message)
+    return given
 
 
 def _name_of_observation(given: dict[str, object]) -> str:
@@ -228,6 +253,8 @@ class Background:
         self._measuring, self._seconds = measuring, seconds
         self._works: SimpleQueue[_Work | None] | None = None
         self._asked: deque[_Asked] = deque()
+        self.count = 0
+        """Of requests."""
         self.wake: Callable[[], None] = lambda: None
         """Called, in any thread, when something may have been reconsidered."""
 
@@ -252,6 +279,7 @@ class Background:
         MemoryError
             From the request, or if there is no thread for it.
         """
+        self.count += 1
         first = self._submit(partial(operation, self._measuring))
         later = self._submit(self._measuring.reconsider)
         later.add_done_callback(lambda _: self.wake())

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from msgspec import Struct
 
-from orip.errors import UsageError
+from orip.errors import ProjectWarning, UsageError
 from orip.files.control.text import CONTROL_EXTENSIONS
 from orip.files.log.writing import DECIMALS, LogFile, edit_line, measurement_line, points_header
 from orip.geometry.plane import PlaneTransformation
@@ -23,7 +23,9 @@ from orip.online.requests import Background, Operation
 from orip.records.measurement import EditRecord, PhotoObservations, TextPlace, no_observations
 from orip.records.names import record_key
 from orip.records.results.solution import Solution
+from orip.records.rig import Rigs
 from orip.structs import replace
+from orip.wording import counted_names
 from orip.workflow.adjust.gathering import block_input_so_far
 from orip.workflow.observations.films import mounted_films
 from orip.workflow.project.bundle_state import BundleState
@@ -97,8 +99,8 @@ class OnlineSession:
     def __init__(self, folder: Path, bundle: str | None, seconds: float | None = None) -> None:
         self._folder, self._seconds = folder, seconds
         self._films = mounted_films(folder, LOG, "heads")
-        self.warnings = self._films.warnings
         self.bundle = self._films.bundle(bundle)
+        self.warnings = (*self._films.warnings, *_of_rigs(self._films.project.definition.rigs))
         if self.bundle.repeated_points == "both":
             message = (
                 f'bundle {self.bundle.name} has repeated_points = "both", and a session replaces what is measured '
@@ -120,6 +122,11 @@ class OnlineSession:
     def measuring(self) -> Measuring:
         """Return what is measured, when nothing is under way any more."""
         return self._background.measuring()
+
+    @property
+    def changes(self) -> int:
+        """Return the number of requests that may have changed what is measured, since it was read."""
+        return self._background.count
 
     @property
     def is_busy(self) -> bool:
@@ -374,6 +381,17 @@ class OnlineSession:
         self._file.edit(edit_line(record))
         self._blocks.clear()
         self._seen = self._files_now()
+
+
+def _of_rigs(rigs: Rigs) -> tuple[ProjectWarning, ...]:
+    """Return what a session does not know of rigs; their photos are measured one after the other."""
+    if not rigs.exposures:
+        return ()
+    text = (
+        "a session tests the photos of an exposure one by one, without the mountings of their cameras: it finds less, "
+        "and tells larger standard deviations than 'orip solve', which adjusts them as rigs"
+    )
+    return (ProjectWarning("rigs-while-measuring", counted_names("rig", [rig.name for rig in rigs.rigs]), text),)
 
 
 def _states_of(paths: Collection[Path]) -> tuple[tuple[str, int, int], ...]:

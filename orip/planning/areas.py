@@ -1,20 +1,19 @@
-"""Areas and terrain of a plan: corners, GeoJSON or KML in the project's system; heights of control or a GeoTIFF."""
+"""Areas and lines of a plan: corners, GeoJSON or KML, taken to the project's system."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from orip.arrays import FloatArray
-from orip.errors import InputError, UsageError
+from orip.errors import InputError
 from orip.files.text.lines import read_bytes
+from orip.geometry.ground_crs import OUTSIDE, known_crs, outside_area
 from orip.geometry.other_crs import crs_from_geographic, geographic_from_crs
-from orip.planning.geometry import Terrain
-from orip.records.control import ControlPoint
 
 _EARTH = 6.4e6
 """Metres of a radian on the ground, nearly."""
@@ -23,8 +22,15 @@ _SAME_PLACE = 1.0
 """Metres between a corner and what its longitude and latitude give back, where the system has such a place."""
 
 
+class _Shape(NamedTuple):
+    """An area, or a line, and its corners (n, 2)."""
+
+    is_area: bool
+    corners: FloatArray
+
+
 def read_outline(path: Path, shown: str, crs: str | None, *, is_line: bool) -> FloatArray:
-    """Return the corners (n, 2) of the first area, or line, of a GeoJSON or KML file, in the project's system.
+    """Return the corners (n, 2) of the area, or line, of a GeoJSON or KML file, in the project's system.
 
     Both have longitude and latitude of WGS 84. Where longitudes jump by more than 180 degrees the area lies over the
     180th meridian. GeoJSON with a member ``coordinates`` has the project's own, as `orip export geojson` writes them
@@ -33,12 +39,25 @@ def read_outline(path: Path, shown: str, crs: str | None, *, is_line: bool) -> F
     Raises
     ------
     InputError
-        If it cannot be read, has no such shape, or the project's system has no such place.
+        If it cannot be read, has not one such shape, or the project's system has no such place.
     """
     data, complaints = read_bytes(path, shown)
     if data is None:
         raise InputError(complaints)
-    corners, is_own = _of_kml(data, shown) if path.suffix.lower() == ".kml" else _of_geojson(data, shown, is_line)
+    try:
+        shapes, is_own = (_of_kml if path.suffix.lower() == ".kml" else _of_geojson)(data)
+    except (ValueError, KeyError, TypeError, IndexError, RecursionError):
+        message = (
+            "this is no GeoJSON (.geojson, .json) or KML (.kml) with sound coordinates; draw the area or line in a map "
+            "program, and save it as one of them"
+        )
+        raise InputError.single(message, shown) from None
+    found = [shape.corners for shape in shapes if shape.is_area != is_line]
+    if len(found) != 1:
+        what = "line" if is_line else "area"
+        message = f"it has {len(found)} {what}s, a plan has one; leave one {what} in it, or give corners in [plan]"
+        raise InputError.single(message, shown)
+    corners = found[0]
     if is_own:
         return corners
     if crs is None:
@@ -88,96 +107,23 @@ def area_of(corners: FloatArray) -> float:
     return float(0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
 
 
-def level(height: float) -> Terrain:
-    """Return terrain of one height."""
-    return lambda places: np.full(len(places), height)
+def _of_geojson(data: bytes) -> tuple[Sequence[_Shape], bool]:
+    document = json.loads(data)
+    is_own = isinstance(document, dict) and "coordinates" in document and "features" in document
+    return list(_shapes(document)), is_own
 
 
-def terrain_of_points(points: Sequence[ControlPoint], shown: str) -> Terrain:
-    """Return terrain through the points of a .PNT file: linear in their triangles, the nearest one outside.
-
-    Raises
-    ------
-    InputError
-        If fewer than three have all coordinates.
-    """
-    from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
-
-    known = np.array([p.coordinates for p in points if None not in p.coordinates and not p.rejected], dtype=np.float64)
-    if len(known) < 3 or np.linalg.matrix_rank(known[:, :2] - known[:1, :2]) < 2:
-        message = 'terrain = "control" needs three points at least with X, Y and Z, not on one line; or give ground'
-        raise InputError.single(message, shown)
-    inside, outside = LinearNDInterpolator(known[:, :2], known[:, 2]), NearestNDInterpolator(known[:, :2], known[:, 2])
-
-    def heights(places: FloatArray) -> FloatArray:
-        found: FloatArray = inside(places)
-        return np.where(np.isnan(found), outside(places), found)
-
-    return heights
-
-
-def terrain_of_raster(path: Path, shown: str) -> Terrain:
-    """Return terrain of the first band of a GeoTIFF in the project's system, bilinear.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read; and when heights are asked for where it has none.
-    UsageError
-        Without rasterio.
-    """
-    try:
-        import rasterio
-    except ImportError:
-        message = "a GeoTIFF is read by rasterio: pip install 'orip[terrain]'"
-        raise UsageError(message) from None
-    from scipy.ndimage import map_coordinates
-
-    data, complaints = read_bytes(path, shown)
-    if data is None:
-        raise InputError(complaints)
-    try:
-        with rasterio.MemoryFile(data) as memory, memory.open() as source:
-            values = source.read(1, masked=True).astype(np.float64).filled(np.nan)
-            inverse = ~source.transform
-    except rasterio.errors.RasterioError as error:
-        message = f"this is no raster that can be read ({error}); give a GeoTIFF of heights"
-        raise InputError.single(message, shown) from None
-
-    def heights(places: FloatArray) -> FloatArray:
-        column, row = _applied(inverse, places)
-        # pixels are areas: a height is that of the middle of its pixel
-        at = np.array([row - 0.5, column - 0.5])
-        size = np.array(values.shape)[:, None]
-        inside = ((at > -0.5 - 1e-9) & (at < size - 0.5 + 1e-9)).all(axis=0)
-        found = map_coordinates(values, np.clip(at, 0.0, size - 1.0), order=1, mode="nearest")
-        if not np.isfinite(found[inside]).all() or not inside.all():
-            missing = places[~inside | ~np.isfinite(found)][0]
-            message = (
-                f"the terrain has no height at {missing[0]:.1f}, {missing[1]:.1f}, and at "
-                f"{int((~inside | ~np.isfinite(found)).sum())} of {len(places)} places asked for; fill its holes, or "
-                "give a raster that reaches beyond the border by a photo"
-            )
-            raise InputError.single(message, shown)
-        return np.asarray(found)
-
-    return heights
-
-
-def _of_geojson(data: bytes, shown: str, is_line: bool) -> tuple[FloatArray, bool]:
-    wanted = "LineString" if is_line else "Polygon"
-    try:
-        document = json.loads(data)
-        shape = next(_shapes(document, wanted), None)
-        if shape is None:
-            message = f"there is no {wanted} in it; draw one, or give corners in [plan]"
-            raise InputError.single(message, shown)
-        ring = shape["coordinates"] if is_line else shape["coordinates"][0]
-        corners = _sound([place[:2] for place in ring])
-    except (ValueError, KeyError, TypeError, IndexError, RecursionError):
-        message = "this is no GeoJSON with sound coordinates; write a FeatureCollection with a Polygon or LineString"
-        raise InputError.single(message, shown) from None
-    return corners, isinstance(document, dict) and "coordinates" in document and "features" in document
+def _shapes(document: Any) -> Iterator[_Shape]:
+    if not isinstance(document, dict):
+        return
+    kind, places = str(document.get("type", "")), document.get("coordinates") or []
+    for one in places if kind.startswith("Multi") else [places]:
+        if kind.endswith("Polygon"):
+            yield _Shape(True, _sound([place[:2] for place in one[0]]))
+        elif kind.endswith("LineString"):
+            yield _Shape(False, _sound([place[:2] for place in one]))
+    for one in [*document.get("features", ()), *document.get("geometries", ()), document.get("geometry")]:
+        yield from _shapes(one)
 
 
 def _sound(rows: list[Any]) -> FloatArray:
@@ -188,47 +134,37 @@ def _sound(rows: list[Any]) -> FloatArray:
     return corners
 
 
-def _shapes(document: Any, wanted: str) -> Any:
-    if not isinstance(document, dict):
-        return
-    if document.get("type") == wanted:
-        yield document
-    for one in document.get("features", ()):
-        yield from _shapes(one, wanted)
-    yield from _shapes(document.get("geometry"), wanted)
-
-
-def _of_kml(data: bytes, shown: str) -> tuple[FloatArray, bool]:
+def _of_kml(data: bytes) -> tuple[Sequence[_Shape], bool]:
     # entities are never expanded: a file of a stranger's may hold any
     from xml.parsers import expat
 
+    inside: list[str] = []
     words: list[str] = []
-    inside: list[bool] = [False]
+    found: list[_Shape] = []
 
     def start(name: str, _attributes: object) -> None:
-        inside[0] = name.rpartition(":")[2] == "coordinates" and not words
+        inside.append(name.rpartition(":")[2])
+        words.clear()
 
     def end(_name: str) -> None:
-        inside[0] = False
-
-    def text(part: str) -> None:
-        if inside[0]:
-            words.append(part)
+        is_area = "Polygon" in inside
+        if inside.pop() != "coordinates" or "innerBoundaryIs" in inside or not {"Polygon", "LineString"} & {*inside}:
+            return
+        rows = [[float(number) for number in place.split(",")[:2]] for place in "".join(words).split()]
+        found.append(_Shape(is_area, _sound(rows)))
 
     def refuse(*_given: object) -> None:
         raise ValueError
 
     parser = expat.ParserCreate()
-    parser.StartElementHandler, parser.EndElementHandler, parser.CharacterDataHandler = start, end, text
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.CharacterDataHandler = words.append
     parser.EntityDeclHandler = refuse
     try:
         parser.Parse(data, True)
-        rows = [[float(number) for number in place.split(",")[:2]] for place in "".join(words).split()]
-        corners = _sound(rows)
-    except (expat.ExpatError, ValueError):
-        message = "this is no KML with sound coordinates; write a Placemark with a Polygon or LineString"
-        raise InputError.single(message, shown) from None
-    return corners, False
+    except expat.ExpatError as error:
+        raise ValueError from error
+    return found, False
 
 
 def _in_project(corners: FloatArray, crs: str, shown: str) -> FloatArray:
@@ -238,6 +174,7 @@ def _in_project(corners: FloatArray, crs: str, shown: str) -> FloatArray:
         raise InputError.single(message, shown)
     if np.ptp(longitude) > 180.0:  # over the 180th meridian
         longitude = np.where(longitude < 0.0, longitude + 360.0, longitude)
+    _refuse_exchanged(float(np.median(longitude)), float(np.median(latitude)), crs, shown)
     given = np.column_stack([longitude, latitude, np.zeros(len(corners))])
     try:
         geographic, _ = geographic_from_crs(given, "EPSG:4979", crs)
@@ -252,6 +189,16 @@ def _in_project(corners: FloatArray, crs: str, shown: str) -> FloatArray:
         message = f"the area is where crs {crs} does not reach; choose a crs for its place (polar for the poles)"
         raise InputError.single(message, shown)
     return found[:, :2]
+
+
+def _refuse_exchanged(longitude: float, latitude: float, crs: str, shown: str) -> None:
+    whole = known_crs(crs)
+    if outside_area(whole, longitude, latitude) > OUTSIDE and outside_area(whole, latitude, longitude) <= OUTSIDE:
+        message = (
+            f"the area is at {longitude:.3f}° E {latitude:.3f}° N, far outside crs {crs}, but within it if exchanged; "
+            "GeoJSON and KML give the longitude first"
+        )
+        raise InputError.single(message, shown)
 
 
 def _crossing(corners: FloatArray) -> tuple[int, int] | None:
@@ -272,9 +219,3 @@ def _crossing(corners: FloatArray) -> tuple[int, int] | None:
 def _side(a: FloatArray, b: FloatArray, p: FloatArray) -> FloatArray:
     one, other = b - a, p - a
     return np.asarray(np.sign(one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]))
-
-
-def _applied(transform: Any, places: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the column and row of places, by the six numbers of an affine transformation."""
-    a, b, c, d, e, f = tuple(transform)[:6]
-    return a * places[:, 0] + b * places[:, 1] + c, d * places[:, 0] + e * places[:, 1] + f

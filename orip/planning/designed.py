@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from msgspec import Struct
 
+from orip.arrays import FloatArray
 from orip.errors import InputError, UsageError
 from orip.files.control.stations_text import read_stations, stations_text
 from orip.files.text.regular_file import is_there
-from orip.planning.areas import checked_outline, level, read_outline, terrain_of_points, terrain_of_raster
+from orip.planning.areas import checked_outline, read_outline
 from orip.planning.forecast import (
     Design,
     Forecast,
     design_block,
     forecast,
-    points_of_box,
     tie_points,
 )
 from orip.planning.geometry import Terrain
-from orip.planning.plan import PlannedFlight, frame_of, plan_flight, plan_rings
+from orip.planning.plan import PlannedFlight, frame_of, plan_flight
+from orip.planning.rings import Object, object_of, plan_rings
+from orip.planning.terrain import level, terrain_of_points, terrain_of_raster
 from orip.planning.wanted_precision import height_for
 from orip.records.camera import Camera
 from orip.records.control import Control, ControlPoint, Station
@@ -62,6 +64,11 @@ class Given(Struct, frozen=True):
     state: ProjectState
 
     @property
+    def object(self) -> Object:
+        """Return what rings are round."""
+        return object_of(self.settings, self.control.points)
+
+    @property
     def path(self) -> Path:
         """Return the text of the planned exposures."""
         definition = self.state.project.definition
@@ -91,7 +98,7 @@ def given_plan(state: ProjectState, bundle: str | None) -> Given:
     if chosen is None:
         message = f"bundle {name} is not in it; write its [[bundle]] with measurement_precision"
         raise InputError.single(message, _TOML)
-    terrain = _terrain(settings, control.value.points, project.folder, project.shown)
+    terrain = _terrain(settings, control.value.points, state)
     return Given(settings, camera, chosen, terrain, control.value, state)
 
 
@@ -123,7 +130,7 @@ def with_height(given: Given) -> Given:
     Raises
     ------
     InputError
-        If `pixel` or `height` is given too, no height gives it, or it is no flight.
+        If `pixel` or `height` is given too, no height gives it, nothing determines the camera, or it is no flight.
     """
     settings = given.settings
     assert settings.sd is not None, "it is asked for where it is given"
@@ -139,9 +146,16 @@ def with_height(given: Given) -> Given:
 
     def sd_at(height: float) -> float:
         plan = _made(at(height))
-        found = forecast_of(at(height), plan.stations).point_sd[:, 2]
-        known = found[np.isfinite(found)]
-        return float(np.median(known)) if 2 * len(known) > len(found) else float("inf")
+        found = forecast_of(at(height), plan.stations)
+        if found.held:
+            message = (
+                f"sd cannot be forecast: nothing determines {', '.join(found.held)} of the camera, and heights hang on "
+                "it; give cross_strips with cross_tilt in [plan], control in the .PNT file, or take it out of unknown"
+            )
+            raise InputError.single(message, _TOML)
+        heights = found.point_sd[:, 2]
+        known = heights[np.isfinite(heights)]
+        return float(np.median(known)) if 2 * len(known) > len(heights) else float("inf")
 
     unit = given.state.project.definition.ground_unit
     return at(height_for(settings.sd, _HEIGHT_OVER_SIZE * settings.sd * frame.c / size, sd_at, unit))
@@ -150,11 +164,22 @@ def with_height(given: Given) -> Given:
 def _made(given: Given) -> PlannedFlight:
     settings, camera = given.settings, given.camera
     if settings.kind == "rings":
-        return plan_rings(settings, camera)
+        return plan_rings(settings, camera, given.object)
+    return plan_flight(settings, camera, outline_of(given), given.terrain)
+
+
+def outline_of(given: Given) -> FloatArray:
+    """Return the corners (n, 2) of the area, or the points of the line, that a flight is over.
+
+    Raises
+    ------
+    InputError
+        If there is none, or it has faults.
+    """
+    settings, project = given.settings, given.state.project
     if bool(settings.area) == (settings.corners is not None):
         message = "give one of area (a file) and corners in [plan]"
         raise InputError.single(message, _TOML)
-    project = given.state.project
     is_line = settings.corridor > 0.0
     if settings.corners is not None:
         outline, shown = np.array(settings.corners, dtype=np.float64), f"{_TOML}: corners of [plan]"
@@ -162,7 +187,7 @@ def _made(given: Given) -> PlannedFlight:
         path = project.folder / settings.area
         shown = project.shown(path)
         outline = read_outline(path, shown, project.definition.crs, is_line=is_line)
-    return plan_flight(settings, camera, checked_outline(outline, shown, is_line=is_line), given.terrain)
+    return checked_outline(outline, shown, is_line=is_line)
 
 
 def plan_text(plan: PlannedFlight) -> str:
@@ -224,7 +249,7 @@ def design_of(given: Given, stations: Sequence[Station]) -> Design:
     settings, definition = given.settings, given.state.project.definition
     frame = frame_of(given.camera, "height")  # along and across are x and y
     points = (
-        points_of_box(settings.centre, settings.size, settings.tie_points)
+        (np.zeros((0, 3)) if settings.object else given.object.points)
         if settings.kind == "rings"
         else tie_points(np.array([frame.along, frame.across]), frame.c, stations, given.terrain, settings.tie_points)
     )
@@ -239,12 +264,11 @@ def forecast_of(given: Given, stations: Sequence[Station]) -> Forecast:
     return forecast(design_block(design_of(given, stations)))
 
 
-def _terrain(
-    settings: PlanSettings, points: Sequence[ControlPoint], folder: Path, shown: Callable[[Path], str]
-) -> Terrain:
+def _terrain(settings: PlanSettings, points: Sequence[ControlPoint], state: ProjectState) -> Terrain:
     if not settings.terrain:
         return level(settings.ground)
     if settings.terrain == "control":
         return terrain_of_points(points, "the .PNT file")
-    path = folder / settings.terrain
-    return terrain_of_raster(path, shown(path))
+    project = state.project
+    path = project.folder / settings.terrain
+    return terrain_of_raster(path, project.shown(path), project.definition.crs)

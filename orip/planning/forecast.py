@@ -6,7 +6,7 @@ measured (Grafarend 1974, design of first order): one set of normal equations, f
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from msgspec import Struct
@@ -16,7 +16,8 @@ from orip.adjustment.iteration_state import IterationRecord
 from orip.adjustment.normals import solve_normals
 from orip.adjustment.precision import VarianceOfUnitWeight, cofactors, variance_of_unit_weight
 from orip.adjustment.weights import weighing_from
-from orip.arrays import FloatArray, IntArray
+from orip.arrays import FloatArray
+from orip.bundle.additions.visible_points import with_rays
 from orip.bundle.assemble import theodolite_sets
 from orip.bundle.diagnosis import diagnose
 from orip.bundle.kinds.photo_point import observe_photo_points
@@ -28,24 +29,17 @@ from orip.bundle.solve import SolvedBlock
 from orip.bundle.starting_state import starting_state
 from orip.bundle.unknowns import number_unknowns
 from orip.errors import InputError, NotSolvableError
-from orip.geometry.rotation import rotation_from_angles
 from orip.planning.geometry import Terrain
 from orip.planning.plan import observed
 from orip.records.block import Block, IndexedPhotoPoints
 from orip.records.camera import Camera
-from orip.records.control import Control, ControlPoint, Station
+from orip.records.control import Control, Station
 from orip.records.definition import Antenna, BundleDefinition
 from orip.records.photo import Photo
 from orip.records.results.solution import Diagnosis, Solution
 from orip.structs import replace
 from orip.threads import limited_threads
 from orip.units import DEGREES_PER_RADIAN
-
-_EDGE = 0.02
-"""Part of the frame at each side in which no tie point is expected."""
-
-_STEEP = 1.3
-"""Radians from the vertical within which all that a photo shows is near it."""
 
 _ROUNDS = 30
 """A distorted place in the photo converges by a factor of some hundredths a round."""
@@ -107,6 +101,11 @@ class Forecast(Struct, frozen=True):
         return float(self.solution.cameras.sd[0][CAMERA_PARAMETERS.index(parameter)])
 
     @property
+    def held(self) -> tuple[str, ...]:
+        """Return the parameters of the camera that nothing determines: all figures are as if they were known."""
+        return tuple(one.kind for one in self.solution.singular if one.group == "CAMERA")
+
+    @property
     def smallest_bias(self) -> float:
         """Return the median of the smallest blunder that is found in a photo coordinate, mm; NaN: none would be."""
         found = reliability_of(self.solution).minimal_detectable_bias[: 2 * len(self.solved.block.photo_points.photo)]
@@ -144,16 +143,6 @@ def tie_points(frame: FloatArray, c: float, stations: Sequence[Station], terrain
     x, y = np.meshgrid(*(np.arange(a + 0.31 * step, b, step) for a, b in zip(low, high, strict=True)))
     plan = np.column_stack([x.ravel(), y.ravel()])
     return np.column_stack([plan, terrain(plan)])
-
-
-def points_of_box(centre: Sequence[float], size: Sequence[float], count: int) -> FloatArray:
-    """Return points (n, 3) spread over a box, about so many."""
-    side = max(2, round(count ** (1.0 / 3.0)))
-    parts = np.linspace(-0.45, 0.45, side)
-    grid = np.stack(np.meshgrid(parts, parts, parts, indexing="ij"), axis=-1).reshape(-1, 3)
-    # a grid in planes through the axes would leave distortion less determined than an object does
-    shift = 0.05 * np.sin(np.arange(3 * len(grid)).reshape(-1, 3) * 2.399963)
-    return np.asarray(centre + (grid + shift) * size)
 
 
 def design_block(design: Design) -> Block:
@@ -205,58 +194,6 @@ def design_block(design: Design) -> Block:
     block = replace(block, point_start=block.ground.to_local(points))
     seen = with_rays(block, _precision(block.definition, design.camera))
     return _with_points_in_photos(seen, {point.name for point in known}, control)
-
-
-def with_rays(block: Block, error: FloatArray) -> Block:
-    """Return a block of one camera with its points in all photos whose frame they are in.
-
-    Parameters
-    ----------
-    block : Block
-    error : array (2,)
-        A-priori errors of x and y, mm.
-    """
-    camera = block.cameras[0]
-    half = (0.5 - _EDGE) * _size(camera)
-    places_near = _nearby(block, half)
-    rotations = rotation_from_angles(block.photo_orientation[:, 3:])
-    photo, point, image = [], [], []
-    for row, (centre, rotation) in enumerate(zip(block.photo_orientation[:, :3], rotations, strict=True)):
-        near = places_near(row)
-        u = (block.point_start[near] - centre) @ rotation
-        front = u[:, 2] < 0.0
-        xy = -camera.parameters[0] * u[:, :2] / np.where(front, u[:, 2], -np.inf)[:, None]
-        shown = np.flatnonzero(front & (np.abs(xy) <= half).all(axis=1))
-        photo.append(np.full(len(shown), row))
-        point.append(near[shown])
-        image.append(xy[shown])
-    photos, points = np.concatenate(photo), np.concatenate(point)
-    xy = np.concatenate(image) + camera.parameters[1:3]
-    return replace(
-        block,
-        photo_points=IndexedPhotoPoints(
-            photos, points, xy, np.broadcast_to(error, xy.shape).copy(), np.ones(xy.shape, dtype=bool)
-        ),
-    )
-
-
-def _nearby(block: Block, half: FloatArray) -> Callable[[int], IntArray]:
-    """Return what gives the points that a photo may show: all but those behind the plane through its centre.
-
-    Photos that look down steeply show nothing that is far from below them; of large blocks that is most.
-    """
-    from scipy.spatial import KDTree
-
-    camera, centres = block.cameras[0], block.photo_orientation[:, :3]
-    down = rotation_from_angles(block.photo_orientation[:, 3:])[:, 2, 2]
-    widest = np.arctan(np.hypot(*half) / camera.parameters[0])
-    steepest = np.arccos(np.clip(down, -1.0, 1.0)) + widest
-    depth = centres[:, 2] - block.point_start[:, 2].min()
-    if not (steepest < _STEEP).all():
-        return lambda _: np.arange(len(block.point_start))
-    tree = KDTree(block.point_start[:, :2])
-    found = tree.query_ball_point(centres[:, :2], np.maximum(depth, 0.0) * np.tan(steepest), return_sorted=True)
-    return lambda row: np.array(found[row], dtype=np.int64)
 
 
 def _with_points_in_photos(block: Block, given: set[str], control: Control) -> Block:
@@ -350,17 +287,3 @@ def _precision(definition: BundleDefinition, camera: Camera) -> FloatArray:
         raise InputError.single(message, "orip.toml")
     sensor = camera.sensor
     return given.value * np.array([sensor.width / sensor.columns, sensor.height / sensor.rows])
-
-
-def _size(camera: Camera) -> FloatArray:
-    """Return the size (2,) of the frame, mm."""
-    size = camera.sensor.size if camera.sensor is not None else camera.frame
-    assert size is not None, "flights are planned with cameras that have one"
-    return np.array(size)
-
-
-def planned_control(names: Sequence[str], places: FloatArray, error: float) -> tuple[ControlPoint, ...]:
-    """Return control points at places (n, 3)."""
-    return tuple(
-        ControlPoint(name, (x, y, z), (error,) * 3) for name, (x, y, z) in zip(names, places.tolist(), strict=True)
-    )

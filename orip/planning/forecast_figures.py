@@ -78,6 +78,8 @@ def facts_of(found: Forecast, unit: str) -> list[tuple[str, str]]:
     if figures["camera_sd"]:
         parts = [f"{name} {short(value)}" for name, value in figures["camera_sd"].items()]
         facts.append(("camera", f"sd {', '.join(parts)}"))
+    if found.held:
+        facts.append(("", f"all figures are as if {', '.join(found.held)} were known, which nothing determines"))
     bias, external = short(figures["smallest_bias_mm"]), short(figures["external"])
     text = f"of {bias} mm are found in a photo point; undetected they move a result by {external} of its sd at most"
     return [*facts, ("blunders", f"{text} (medians)")]

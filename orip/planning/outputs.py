@@ -4,42 +4,23 @@ from __future__ import annotations
 
 import csv
 import io
-import itertools
 import json
-import math
-import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from xml.sax.saxutils import escape
 
 import numpy as np
-from msgspec import Struct
 
-from orip.arrays import FloatArray
-from orip.errors import InputError
-from orip.geometry.other_crs import crs_from_geographic, geographic_from_crs
-from orip.geometry.rotation import rotation_from_angles
 from orip.planning.designed import Given
+from orip.planning.waypoints import Waypoints, require_upright, waypoints_of
+from orip.planning.wpml import wpml_bytes, xml_bytes, zipped
 from orip.records.control import Station
 from orip.units import DEGREES_PER_RADIAN
 
 _ABOVE_GROUND = "above the ground of the plan"
 _ABOVE_ELLIPSOID = "above the ellipsoid of WGS 84"
 _ABOVE_START = "above the ground of the plan below the first photo, where the flight has to start"
+_OF_WPML = f"{_ABOVE_ELLIPSOID}; in the template for editing {_ABOVE_START}"
 _OF_PROJECT = "those of the project"
-
-
-class _Waypoints(Struct, frozen=True):
-    """n exposures for a pilot: degrees, metres; heading from true north, pitch of the view from the horizon."""
-
-    stations: Sequence[Station]
-    longitude: FloatArray
-    latitude: FloatArray
-    ellipsoid: FloatArray
-    ground: FloatArray
-    start: FloatArray
-    heading: FloatArray
-    pitch: FloatArray
-    speed: float
 
 
 def exported(form: str, stations: Sequence[Station], given: Given) -> tuple[bytes, str]:
@@ -48,48 +29,14 @@ def exported(form: str, stations: Sequence[Station], given: Given) -> tuple[byte
     Raises
     ------
     InputError
-        If the format has longitude and latitude, and the project no crs.
+        If the format has longitude and latitude, and the project no crs; or a drone cannot take a photo.
     """
     if form == "csv" or (form == "geojson" and given.state.project.definition.crs is None):
         return _LOCAL[form](stations), _OF_PROJECT
     write, heights = _GEOGRAPHIC[form]
-    return write(_waypoints(stations, given)), heights
-
-
-def _waypoints(stations: Sequence[Station], given: Given) -> _Waypoints:
-    crs = given.state.project.definition.crs
-    if crs is None:
-        message = "the project has no crs, so that exposures have no longitude and latitude; give crs in [project]"
-        raise InputError.single(message, "orip.toml")
-    places = np.array([station.position for station in stations])
-    rotations = rotation_from_angles(np.array([station.angles for station in stations]))
-    there = _geographic(places, crs)
-    ahead = places.copy()
-    ahead[:, :2] += rotations[:, :2, 1] / np.maximum(np.linalg.norm(rotations[:, :2, 1], axis=1, keepdims=True), 1e-12)
-    step = _geographic(ahead, crs) - there
-    heading = np.arctan2(step[:, 0] * np.cos(np.radians(there[:, 1])), step[:, 1]) * DEGREES_PER_RADIAN
-    ground = given.terrain(places[:, :2])
-    pitch = np.arcsin(np.clip(-rotations[:, 2, 2], -1.0, 1.0)) * DEGREES_PER_RADIAN
-    return _Waypoints(
-        stations, there[:, 0], there[:, 1], there[:, 2], places[:, 2] - ground, places[:, 2] - ground[0],
-        np.mod(heading, 360.0), pitch, _speed(stations),
-    )  # fmt: skip
-
-
-def _geographic(places: FloatArray, crs: str) -> FloatArray:
-    """Return longitude, latitude (degrees) and height above the ellipsoid (m), WGS 84."""
-    geographic, _ = geographic_from_crs(places, crs, crs)
-    return crs_from_geographic(geographic, "EPSG:4979", crs)
-
-
-def _speed(stations: Sequence[Station]) -> float:
-    """Return the speed between photos of a strip; 1 where the plan has no times."""
-    found = [
-        math.dist(one.position, other.position) / (other.time - one.time)
-        for one, other in itertools.pairwise(stations)
-        if one.strip == other.strip and other.time > one.time
-    ]
-    return float(np.median(found)) if found else 1.0
+    if form in _FOR_DRONES:
+        require_upright(stations)
+    return write(waypoints_of(stations, given)), heights
 
 
 def _csv(stations: Sequence[Station]) -> bytes:
@@ -107,7 +54,7 @@ def _plain_geojson(stations: Sequence[Station]) -> bytes:
     return _collection([list(one.position) for one in stations], stations, {"coordinates": note})
 
 
-def _geojson(given: _Waypoints) -> bytes:
+def _geojson(given: Waypoints) -> bytes:
     places = np.column_stack([given.longitude, given.latitude, given.ellipsoid]).tolist()
     return _collection(places, given.stations, {"heights": _ABOVE_ELLIPSOID})
 
@@ -130,7 +77,7 @@ def _collection(places: list[list[float]], stations: Sequence[Station], said: Ma
     return (json.dumps(whole, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
-def _kml(given: _Waypoints) -> bytes:
+def _kml(given: Waypoints) -> bytes:
     places = [f"{x:.9f},{y:.9f},{z:.3f}" for x, y, z in zip(given.longitude, given.latitude, given.ground, strict=True)]
     marks = "".join(
         f"<Placemark><name>{escape(one.photo)}</name><Point><altitudeMode>relativeToGround</altitudeMode>"
@@ -141,41 +88,51 @@ def _kml(given: _Waypoints) -> bytes:
         "<Placemark><name>path</name><LineString><altitudeMode>relativeToGround</altitudeMode>"
         f"<coordinates>{' '.join(places)}</coordinates></LineString></Placemark>\n"
     )
-    return _xml(
+    return xml_bytes(
         f'<kml xmlns="http://www.opengis.net/kml/2.2"><Document><description>heights {_ABOVE_GROUND}</description>\n'
         f"{marks}{path}</Document></kml>"
     )
 
 
-def _kmz(given: _Waypoints) -> bytes:
-    return _zipped({"doc.kml": _kml(given)})
+def _kmz(given: Waypoints) -> bytes:
+    return zipped({"doc.kml": _kml(given)})
 
 
-def _gpx(given: _Waypoints) -> bytes:
+def _gpx(given: Waypoints) -> bytes:
     points = "".join(
         f'<rtept lat="{y:.9f}" lon="{x:.9f}"><ele>{z:.3f}</ele><name>{escape(one.photo)}</name></rtept>\n'
         for one, x, y, z in zip(given.stations, given.longitude, given.latitude, given.ellipsoid, strict=True)
     )
-    return _xml(
+    return xml_bytes(
         '<gpx version="1.1" creator="orip" xmlns="http://www.topografix.com/GPX/1/1">'
         f"<rte><desc>ele is {_ABOVE_ELLIPSOID}</desc>\n{points}</rte></gpx>"
     )
 
 
-_WAYPOINT, _TRIGGER, _RELATIVE = 16, 203, 3
-"""MAVLink: MAV_CMD_NAV_WAYPOINT, MAV_CMD_DO_DIGICAM_CONTROL, MAV_FRAME_GLOBAL_RELATIVE_ALT."""
+_WAYPOINT, _TRIGGER, _GIMBAL = 16, 203, 205
+"""MAVLink: MAV_CMD_NAV_WAYPOINT, MAV_CMD_DO_DIGICAM_CONTROL, MAV_CMD_DO_MOUNT_CONTROL."""
+
+_RELATIVE, _MISSION, _BY_ANGLES = 3, 2, 2
+"""MAV_FRAME_GLOBAL_RELATIVE_ALT, MAV_FRAME_MISSION, MAV_MOUNT_MODE_MAVLINK_TARGETING."""
 
 
-def _qgc(given: _Waypoints) -> bytes:
+def _qgc(given: Waypoints) -> bytes:
     items: list[dict[str, object]] = []
-    rows = zip(given.longitude, given.latitude, given.start, given.heading, strict=True)
-    for x, y, z, heading in rows:
-        common = {"type": "SimpleItem", "autoContinue": True, "frame": _RELATIVE}
-        place = {"AltitudeMode": 1, "Altitude": round(float(z), 3), "AMSLAltAboveTerrain": None}
-        where = [0, 0, 0, round(float(heading), 2), float(y), float(x), round(float(z), 3)]
-        items.append({**common, **place, "command": _WAYPOINT, "doJumpId": len(items) + 1, "params": where})
-        shoot = {"type": "SimpleItem", "autoContinue": True, "frame": 2, "command": _TRIGGER}
-        items.append({**shoot, "doJumpId": len(items) + 1, "params": [0, 0, 0, 0, 1, 0, 0]})
+
+    def add(frame: int, code: int, params: list[float], **more: object) -> None:
+        common = {"type": "SimpleItem", "autoContinue": True, "frame": frame, "command": code}
+        items.append({**common, **more, "doJumpId": len(items) + 1, "params": params})
+
+    before = None
+    rows = zip(given.longitude, given.latitude, given.start, given.heading, given.pitch, strict=True)
+    for x, y, z, heading, pitch in rows:
+        height, turned = round(float(z), 3), round(float(pitch), 2)
+        where = [0, 0, 0, round(float(heading), 2), float(y), float(x), height]
+        add(_RELATIVE, _WAYPOINT, where, AltitudeMode=1, Altitude=height, AMSLAltAboveTerrain=None)
+        if turned != before:
+            add(_MISSION, _GIMBAL, [turned, 0, 0, 0, 0, 0, _BY_ANGLES])
+        add(_MISSION, _TRIGGER, [0, 0, 0, 0, 1, 0, 0])
+        before = turned
     speed = round(given.speed, 2)
     home = [float(given.latitude[0]), float(given.longitude[0]), 0]
     mission = {
@@ -189,51 +146,7 @@ def _qgc(given: _Waypoints) -> bytes:
     return (json.dumps(whole, indent=1) + "\n").encode()
 
 
-_WPML = "http://www.dji.com/wpmz/1.0.2"
-
-
-def _dji(given: _Waypoints) -> bytes:
-    config = (
-        "<wpml:missionConfig><wpml:flyToWaylineMode>safely</wpml:flyToWaylineMode>"
-        "<wpml:finishAction>goHome</wpml:finishAction><wpml:exitOnRCLost>executeLostAction</wpml:exitOnRCLost>"
-        "<wpml:executeRCLostAction>goBack</wpml:executeRCLostAction>"
-        f"<wpml:globalTransitionalSpeed>{given.speed:.2f}</wpml:globalTransitionalSpeed></wpml:missionConfig>"
-    )
-    marks = "".join(map(_dji_mark, range(len(given.stations)), *_columns(given)))
-    head = f'<kml xmlns="http://www.opengis.net/kml/2.2" xmlns:wpml="{_WPML}"><Document>{config}'
-    waylines = (
-        f"{head}<Folder><wpml:templateId>0</wpml:templateId><wpml:executeHeightMode>WGS84</wpml:executeHeightMode>"
-        f"<wpml:waylineId>0</wpml:waylineId><wpml:autoFlightSpeed>{given.speed:.2f}</wpml:autoFlightSpeed>\n"
-        f"{marks}</Folder></Document></kml>"
-    )
-    template = f"{head}</Document></kml>"
-    return _zipped({"wpmz/template.kml": _xml(template), "wpmz/waylines.wpml": _xml(waylines)})
-
-
-def _columns(given: _Waypoints) -> tuple[list[float], ...]:
-    table = (given.longitude, given.latitude, given.ellipsoid, given.heading, given.pitch)
-    return tuple(column.tolist() for column in table)
-
-
-def _dji_mark(number: int, x: float, y: float, z: float, heading: float, pitch: float) -> str:
-    turned = (heading + 180.0) % 360.0 - 180.0
-    return (
-        f"<Placemark><Point><coordinates>{x:.9f},{y:.9f}</coordinates></Point><wpml:index>{number}</wpml:index>"
-        f"<wpml:executeHeight>{z:.3f}</wpml:executeHeight><wpml:waypointHeadingParam><wpml:waypointHeadingMode>"
-        f"smoothTransition</wpml:waypointHeadingMode><wpml:waypointHeadingAngle>{turned:.2f}"
-        "</wpml:waypointHeadingAngle></wpml:waypointHeadingParam><wpml:waypointTurnParam><wpml:waypointTurnMode>"
-        "toPointAndStopWithDiscontinuityCurvature</wpml:waypointTurnMode></wpml:waypointTurnParam>"
-        f"<wpml:actionGroup><wpml:actionGroupId>{number}</wpml:actionGroupId><wpml:actionGroupStartIndex>{number}"
-        f"</wpml:actionGroupStartIndex><wpml:actionGroupEndIndex>{number}</wpml:actionGroupEndIndex>"
-        "<wpml:actionTrigger><wpml:actionTriggerType>reachPoint</wpml:actionTriggerType></wpml:actionTrigger>"
-        "<wpml:action><wpml:actionId>0</wpml:actionId><wpml:actionActuatorFunc>gimbalRotate</wpml:actionActuatorFunc>"
-        f"<wpml:actionActuatorFuncParam><wpml:gimbalPitchRotateAngle>{pitch:.2f}</wpml:gimbalPitchRotateAngle>"
-        "</wpml:actionActuatorFuncParam></wpml:action><wpml:action><wpml:actionId>1</wpml:actionId>"
-        "<wpml:actionActuatorFunc>takePhoto</wpml:actionActuatorFunc></wpml:action></wpml:actionGroup></Placemark>\n"
-    )
-
-
-def _litchi(given: _Waypoints) -> bytes:
+def _litchi(given: Waypoints) -> bytes:
     stream = io.StringIO()
     rows = csv.writer(stream, lineterminator="\n")
     rows.writerow(
@@ -263,27 +176,15 @@ def _litchi(given: _Waypoints) -> bytes:
     return stream.getvalue().encode()
 
 
-def _xml(text: str) -> bytes:
-    return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'.encode()
-
-
-def _zipped(files: Mapping[str, bytes]) -> bytes:
-    """Return an archive; no clock goes in, so that equal plans give equal files."""
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, data in files.items():
-            archive.writestr(zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0)), data)
-    return stream.getvalue()
-
-
 _LOCAL: Mapping[str, Callable[[Sequence[Station]], bytes]] = {"csv": _csv, "geojson": _plain_geojson}
-_GEOGRAPHIC: Mapping[str, tuple[Callable[[_Waypoints], bytes], str]] = {
+_GEOGRAPHIC: Mapping[str, tuple[Callable[[Waypoints], bytes], str]] = {
     "geojson": (_geojson, _ABOVE_ELLIPSOID),
     "kml": (_kml, _ABOVE_GROUND),
     "kmz": (_kmz, _ABOVE_GROUND),
     "gpx": (_gpx, _ABOVE_ELLIPSOID),
     "qgc": (_qgc, _ABOVE_START),
-    "dji": (_dji, _ABOVE_ELLIPSOID),
+    "dji": (wpml_bytes, _OF_WPML),
     "litchi": (_litchi, _ABOVE_GROUND),
 }
+_FOR_DRONES = ("qgc", "dji", "litchi")
 FORMATS = (*_GEOGRAPHIC, "csv")

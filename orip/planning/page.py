@@ -24,6 +24,7 @@ _MOST = 9
 _STYLE = """
 .plan-path{fill:none;stroke:#37527a;stroke-width:1.2}.plan-photo{fill:#37527a}
 .plan-foot{fill:#37527a0a;stroke:#37527a55;stroke-width:.5}.plan-control{fill:#b3261e}
+.plan-border{fill:none;stroke:#b3261e;stroke-width:1.5;stroke-dasharray:6 3}
 """
 
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'"
@@ -36,6 +37,7 @@ def plan_page(
     frame: Frame,
     terrain: Terrain,
     found: Forecast,
+    border: FloatArray | None = None,
 ) -> str:
     """Return the page: one file that needs no network.
 
@@ -48,6 +50,8 @@ def plan_page(
         Along and across are the photo's x and y.
     terrain : callable
     found : Forecast
+    border : array (n, 2), optional
+        Of the area.
     """
     unit = found.solution.ground_unit
     advice = [f"{one.text}; {one.remedy}" for one in found.diagnosis]
@@ -59,7 +63,7 @@ def plan_page(
     plane = map_plane(every.min(axis=0) - margin, every.max(axis=0) + margin)
     names = [f"X ({unit})", f"Y ({unit})"]
     parts = [
-        ("Exposures and what they show", _map(plane, places, feet[shown], found, names)),
+        ("Exposures and what they show", _map(plane, places, feet[shown], found, border, names)),
         ("Number of photos that show each part of the ground", _overlap(plane, feet[shown], names)),
         (f"Standard deviation of Z of the points ({unit})", _deviations(plane, found, names)),
         ("Heights of exposures and of the ground below them", _profile(places, terrain, unit)),
@@ -89,8 +93,17 @@ def _footprints(stations: Sequence[Station], frame: Frame, terrain: Terrain) -> 
     )
 
 
-def _map(plane: MapPlane, places: FloatArray, feet: FloatArray, found: Forecast, names: Sequence[str]) -> str:
+def _map(
+    plane: MapPlane,
+    places: FloatArray,
+    feet: FloatArray,
+    found: Forecast,
+    border: FloatArray | None,
+    names: Sequence[str],
+) -> str:
     drawn = [element("path", d=_closed(plane.place(corners)), class_="plan-foot") for corners in feet]
+    if border is not None:
+        drawn.append(element("path", d=_closed(plane.place(border)), class_="plan-border"))
     at = plane.place(places[:, :2])
     path = "M" + "L".join(f"{number(x)} {number(y)}" for x, y in at.tolist())
     drawn.append(element("path", d=path, class_="plan-path"))
@@ -119,7 +132,12 @@ def _overlap(plane: MapPlane, feet: FloatArray, names: Sequence[str]) -> str:
         square = f"h{number(side)}v{number(side)}h{number(-side)}z"
         path = "".join(f"M{number(a)} {number(b)}{square}" for a, b in corners)
         drawn += [element("path", d=path, class_="overlap", style=f"--n:{photos}")] if path else []
-    return drawing(*plane.size, "Map of the overlap", [plane.clipped(drawn), *plane.axes(names)], "map")
+    swatches = "".join(
+        f'<span><i class="swatch" style="--n:{photos}"></i>{photos}{" and more" if photos == _MOST else ""}</span>'
+        for photos in range(1, _MOST + 1)
+    )
+    shown = drawing(*plane.size, "Map of the overlap", [plane.clipped(drawn), *plane.axes(names)], "map")
+    return f'{shown}<div class="key" aria-hidden="true">{swatches}</div>'
 
 
 def _deviations(plane: MapPlane, found: Forecast, names: Sequence[str]) -> str:

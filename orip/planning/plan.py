@@ -1,4 +1,4 @@
-"""A plan: the exposures of a flight or of a network round an object, their times, and what they cost."""
+"""A plan: the exposures of a flight, their times, and what they cost."""
 
 from __future__ import annotations
 
@@ -23,14 +23,10 @@ from orip.planning.geometry import (
     strips_over,
 )
 from orip.records.camera import Camera
-from orip.records.control import NOT_GIVEN, Station
+from orip.records.control import ANGLES_ONLY_COMPARED, NOT_GIVEN, ONLY_COMPARED, Station
 from orip.records.plan import PlanSettings
 from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE
-
-ONLY_COMPARED = (-1.0, -1.0, -1.0)
-ANGLES_ONLY_COMPARED = (-RADIANS_PER_DEGREE, -RADIANS_PER_DEGREE, -RADIANS_PER_DEGREE)
-"""A-priori errors of planned positions and angles that are not observed: they have no influence."""
 
 
 class PlannedFlight(Struct, frozen=True):
@@ -47,6 +43,8 @@ class PlannedFlight(Struct, frozen=True):
     speed : float
     seconds : float
     turns, batteries : int
+    rays : int
+        Convergent rays that each point of an object gets at least; 0: it is a flight.
     """
 
     stations: tuple[Station, ...]
@@ -58,6 +56,7 @@ class PlannedFlight(Struct, frozen=True):
     seconds: float
     turns: int
     batteries: int
+    rays: int = 0
 
 
 def frame_of(camera: Camera, across: str) -> Frame:
@@ -120,49 +119,6 @@ def plan_flight(settings: PlanSettings, camera: Camera, outline: FloatArray, ter
     return _planned(settings, frame, wanted.height, [*strips, *crossing], tilts)
 
 
-def plan_rings(settings: PlanSettings, camera: Camera) -> PlannedFlight:
-    """Return stations on rings round a box, all looking at its centre, with the camera turned about its axis.
-
-    The distance at which the box fills the frame is that at which the sphere round it does.
-    """
-    frame = frame_of(camera, settings.across)
-    radius = 0.5 * math.hypot(*settings.size)
-    half = math.atan(0.5 * min(frame.along, frame.across) / frame.c)
-    distance = radius / math.sin(half) if settings.distance is None else settings.distance
-    if distance <= radius:
-        message = f"distance = {distance:g} is within the object, whose corners are {radius:.3g} from its centre"
-        raise InputError.single(message, "orip.toml")
-    stations: list[Station] = []
-    for ring, elevation in enumerate(settings.elevations):
-        # rings are turned by half a step, so that rays of two do not lie in one plane
-        turned = (np.arange(settings.stations) + 0.5 * (ring % 2)) * 2.0 * math.pi / settings.stations
-        for azimuth in turned.tolist():
-            direction = _direction(azimuth, elevation * RADIANS_PER_DEGREE)
-            place = np.array(settings.centre) + distance * direction
-            for roll in settings.rolls:
-                rotation = looking_along(-direction, roll * RADIANS_PER_DEGREE)
-                stations.append(_station(len(stations) + 1, place, rotation, settings, 0.0, f"R{ring + 1}"))
-    pixel = frame.pixel * distance / frame.c
-    return PlannedFlight(tuple(stations), distance, pixel, math.nan, math.nan, 0.0, 0.0, 0, 0)
-
-
-def looking_along(direction: FloatArray, roll: float) -> FloatArray:
-    """Return the rotation (3, 3), photo to ground, of a camera that looks along a direction, its y axis upwards.
-
-    Parameters
-    ----------
-    direction : array (3,)
-        Of length 1.
-    roll : float
-        Turn of the camera about its axis, radians.
-    """
-    up = np.array([0.0, 1.0, 0.0]) if abs(direction[2]) > 1.0 - 1e-9 else np.array([0.0, 0.0, 1.0])
-    right = np.cross(direction, up)
-    right /= np.linalg.norm(right)
-    axes = np.column_stack([right, np.cross(-direction, right), -direction])
-    return np.asarray(axes @ rotation_from_angles(np.array([[0.0, 0.0, roll]]))[0])
-
-
 def _height(settings: PlanSettings, frame: Frame) -> float:
     if (settings.pixel is None) == (settings.height is None):
         message = "give one of pixel (size on the ground), height (above ground) and sd (of heights) in [plan]"
@@ -214,7 +170,7 @@ def _planned(
         before = None
         for place in strip.places:
             time += 0.0 if before is None else float(np.linalg.norm(place - before)) / speed
-            stations.append(_station(len(stations) + 1, place, rotation, settings, time, f"S{number + 1}"))
+            stations.append(planned_station(len(stations) + 1, place, rotation, settings, time, f"S{number + 1}"))
             before = place
         time += settings.turn
     seconds = _seconds(strips, settings, frame, height)
@@ -292,14 +248,10 @@ def _flown(azimuth: float, tilt: float, across: str) -> FloatArray:
     return np.asarray(axes @ forward @ axes.T @ level)
 
 
-def _direction(azimuth: float, elevation: float) -> FloatArray:
-    flat = math.cos(elevation)
-    return np.array([flat * math.sin(azimuth), flat * math.cos(azimuth), math.sin(elevation)])
-
-
-def _station(
+def planned_station(
     number: int, place: FloatArray, rotation: FloatArray, settings: PlanSettings, time: float, strip: str
 ) -> Station:
+    """Return a planned exposure; angles and positions that are not observed have negative errors."""
     angles = angles_from_rotation(rotation[None])[0]
     x, y, z = place.tolist()
     omega, phi, kappa = angles.tolist()

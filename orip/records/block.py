@@ -22,7 +22,7 @@ from orip.records.control import (
     StationDifference,
 )
 from orip.records.definition import Antenna, BundleDefinition
-from orip.records.ground import PLAIN, GroundSystem
+from orip.records.ground import PLAIN, GroundSystem, TerrainHeight, TerrainModel
 from orip.records.names import places_of_names
 from orip.records.photo import Photo
 from orip.records.rig import RigPlaces, Rigs, places_on_rigs
@@ -100,6 +100,9 @@ class Block(Struct, frozen=True):
     given_directions : tuple of GivenDirection
     figure_points : tuple of FigurePoint
         Of the figures that the points of the block determine.
+    terrains : tuple of TerrainModel
+    terrain_heights : tuple of TerrainHeight
+        Of the points that started inside these.
     stations : tuple of Station
         Those of the block's photos, in the project's coordinates.
     differences : tuple of StationDifference
@@ -142,6 +145,8 @@ class Block(Struct, frozen=True):
     directions: tuple[ControlDirection, ...] = ()
     figure_points: tuple[FigurePoint, ...] = ()
     given_directions: tuple[GivenDirection, ...] = ()
+    terrains: tuple[TerrainModel, ...] = ()
+    terrain_heights: tuple[TerrainHeight, ...] = ()
     stations: tuple[Station, ...] = ()
     differences: tuple[StationDifference, ...] = ()
     theodolites: tuple[TheodoliteSet, ...] = ()

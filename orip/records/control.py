@@ -7,8 +7,14 @@ from typing import Literal
 
 from msgspec import Struct
 
+from orip.units import RADIANS_PER_DEGREE
+
 NOT_GIVEN = (math.nan, math.nan, math.nan)
 """Position or angles of a station that has none; their errors are these too."""
+
+ONLY_COMPARED = (-1.0, -1.0, -1.0)
+ANGLES_ONLY_COMPARED = (-RADIANS_PER_DEGREE, -RADIANS_PER_DEGREE, -RADIANS_PER_DEGREE)
+"""A-priori errors of positions and angles that are not observed: they have no influence."""
 
 
 class StationReference(Struct, frozen=True):

@@ -11,6 +11,7 @@ from msgspec import Struct, field
 
 from orip.records.camera import Camera
 from orip.records.fields import GROUND_UNIT, Field
+from orip.records.ground import Terrain
 from orip.records.names import record_key
 from orip.records.photo import Photo, Stage, Template, Temtick
 from orip.records.plan import PlanSettings
@@ -287,6 +288,10 @@ RECORD_TYPES: Mapping[str, type] = {
 """The class of each kind of record; the models of a bundle are part of it."""
 
 
+AngleUnit = Literal["degrees", "gon", "radians"]
+"""Of the angles in control files that people write; everything else has degrees."""
+
+
 class ProjectDefinition(Struct, frozen=True):
     """All that orip.toml says, checked and with the defaults filled in.
 
@@ -303,6 +308,7 @@ class ProjectDefinition(Struct, frozen=True):
     control_files: str
     measurement_files: tuple[str, ...]
     ground_unit: str = "m"
+    angle_unit: AngleUnit = "degrees"
     crs: str | None = None
     cameras: tuple[Camera, ...] = ()
     temticks: tuple[Temtick, ...] = ()
@@ -312,6 +318,7 @@ class ProjectDefinition(Struct, frozen=True):
     gates: tuple[str, ...] = ()
     report: ReportDetails = field(default_factory=ReportDetails)
     antennas: tuple[Antenna, ...] = ()
+    terrains: tuple[Terrain, ...] = ()
     rigs: Rigs = field(default_factory=Rigs)
     output_folder: str | None = None
     test_level: float | None = None

@@ -260,6 +260,45 @@ class MappedPlaces(Struct, frozen=True):
     points: FloatArray
 
 
+class ExchangedMounting(Struct, frozen=True):
+    """How a camera is mounted on a rig, against the reference camera of the rig; axes as in the reading of the poses.
+
+    Parameters
+    ----------
+    camera : int
+        Its place among the cameras.
+    rotation : tuple of 9 float, or empty
+        By rows, from the axes of the camera to those of the reference camera; empty: not known.
+    offset : tuple of 3 float, or empty
+        Projection centre along the axes of the reference camera, ground unit.
+    rotation_error, offset_error : tuple of 3 float, or None
+        With which they are observed, degrees about the axes of the reference camera, ground unit.
+    is_held : bool
+        The other program does not estimate it.
+    """
+
+    camera: int
+    rotation: tuple[float, ...] = ()
+    offset: tuple[float, ...] = ()
+    rotation_error: tuple[float, float, float] | None = None
+    offset_error: tuple[float, float, float] | None = None
+    is_held: bool = False
+
+
+class ExchangedRig(Struct, frozen=True):
+    """Cameras on one body, the reference first."""
+
+    name: str
+    mountings: tuple[ExchangedMounting, ...]
+
+
+class ExchangedExposure(Struct, frozen=True):
+    """Photos that the cameras of a rig took at the same instant, by their places."""
+
+    name: str
+    photos: tuple[int, ...]
+
+
 class ExchangedProject(Struct, frozen=True):
     """All that is exchanged with another program.
 
@@ -297,6 +336,8 @@ class ExchangedProject(Struct, frozen=True):
         It has cameras, and no photos.
     mapped : MappedPlaces or None
         Of a result whose frame is not the system of `control_crs`.
+    rigs : tuple of ExchangedRig
+    exposures : tuple of ExchangedExposure
     notes : tuple of str
         What orip has no place for and is lost, a sentence each.
     """
@@ -321,4 +362,6 @@ class ExchangedProject(Struct, frozen=True):
     stated: StatedError | None = None
     is_calibration: bool = False
     mapped: MappedPlaces | None = None
+    rigs: tuple[ExchangedRig, ...] = ()
+    exposures: tuple[ExchangedExposure, ...] = ()
     notes: tuple[str, ...] = ()

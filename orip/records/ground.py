@@ -1,4 +1,4 @@
-"""Ground coordinates: those of the project, and those that a block is adjusted in.
+"""Ground coordinates: those of the project, and those that a block is adjusted in; models of the terrain.
 
 Without a coordinate reference system the two are the same. With one the project's are eastings, northings and heights,
 and the block is adjusted in a Cartesian frame; what relates the two is a `GroundSystem`.
@@ -7,13 +7,15 @@ and the block is adjusted in a Cartesian frame; what relates the two is a `Groun
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import NamedTuple, Protocol
+from fnmatch import fnmatchcase
+from typing import Annotated, NamedTuple, Protocol
 
 import numpy as np
 from msgspec import Struct
 
 from orip.arrays import BoolArray, FloatArray
 from orip.errors import ProjectWarning
+from orip.records.fields import GROUND_UNIT, Field
 
 
 class ProjectCoordinates(NamedTuple):
@@ -102,3 +104,73 @@ PLAIN = PlainGround()
 
 def _unit_matrices(places: FloatArray) -> FloatArray:
     return np.broadcast_to(np.eye(3), (len(places), 3, 3))
+
+
+class Terrain(Struct, frozen=True):
+    """A terrain model whose heights are observations of points: a table ``[[terrain]]`` of orip.toml.
+
+    Parameters
+    ----------
+    name : str
+    file : str
+        GeoTIFF in the project's system, relative to the project folder.
+    error : float
+        A-priori error of a height.
+    plan_error : float
+        A-priori error of the model's place; on a slope it adds to that of the height.
+    points : tuple of str
+        Names of points that lie on it, ``*`` and ``?`` standing for any letters; empty: all of the bundle.
+    disregard : tuple of str
+        Names of points among these that are only compared with it.
+    """
+
+    name: Annotated[str, Field(example='"DTM"')]
+    file: Annotated[str, Field(shortest=1, example='"terrain.tif"')]
+    error: Annotated[float, Field(least=1e-7, most=1e6, units=(GROUND_UNIT,), example="0.15")]
+    plan_error: Annotated[float, Field(least=0, most=1e6, units=(GROUND_UNIT,), example="0.5")] = 0.0
+    points: Annotated[tuple[str, ...], Field(example='["G*"]')] = ()
+    disregard: Annotated[tuple[str, ...], Field(example='["G17"]')] = ()
+
+    def has(self, point: str) -> bool:
+        """Tell whether a point is said to lie on it."""
+        return not self.points or any(fnmatchcase(point, pattern) for pattern in self.points)
+
+    def disregards(self, point: str) -> bool:
+        """Tell whether a point is only compared with it."""
+        return any(fnmatchcase(point, pattern) for pattern in self.disregard)
+
+
+class HeightGrid(Struct, frozen=True):
+    """Heights in a raster.
+
+    Parameters
+    ----------
+    heights : array (rows, columns)
+        NaN: none.
+    to_pixels : tuple of 6 float
+        a, b, c, d, e, f: column = a X + b Y + c, row = d X + e Y + f, from the outer corner of the first pixel.
+    crs : str or None
+        Its system as WKT, if it says which.
+    """
+
+    heights: FloatArray
+    to_pixels: tuple[float, float, float, float, float, float]
+    crs: str | None = None
+
+
+class TerrainModel(Struct, frozen=True):
+    """A terrain model with its heights."""
+
+    terrain: Terrain
+    grid: HeightGrid
+
+
+class TerrainHeight(Struct, frozen=True):
+    """An observation that a point lies on a terrain model.
+
+    The a-priori error, ground units, is that of the height there with the part of the slope: negative disregarded.
+    """
+
+    terrain: str
+    point: str
+    error: float

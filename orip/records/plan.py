@@ -11,6 +11,7 @@ from orip.records.fields import GROUND_UNIT, Field
 _LENGTH: Final = (GROUND_UNIT,)
 
 PlanKind = Literal["flight", "rings"]
+ObjectKind = Literal["", "control"]
 Side = Literal["width", "height"]
 
 
@@ -57,14 +58,23 @@ class PlanSettings(Struct, frozen=True):
     interval, shutter, blur, speed, turn, battery : float
         Seconds from photo to photo at least; exposure time, seconds; pixels of blur at most; fastest ground speed,
         units a second; seconds of a turn; minutes of a battery.
+    object : {"", "control"}
+        The box of `centre` and `size`, or the points of the .PNT file.
     centre, size : tuples of 3 float
         Of the object's box.
+    axis : tuple of 3 float
+        Of the rings; elevations are above the plane at right angles to it.
+    lowest : float or None
+        Height below which there is no station.
     distance : float or None
         From the centre; None: the box fills the frame.
     elevations : tuple of float
         Of the rings above the horizontal plane through the centre, degrees.
     stations : int
-        On each ring.
+        On each ring; with `rays` at least.
+    rays, convergence : int, float
+        So many photos at least show each point, from places whose rays enclose this angle with each other, degrees; 0:
+        as many as there are.
     rolls : tuple of float
         Turns of the camera about its axis at each station, degrees.
     position_error, angle_error : tuples of 3 float, or None
@@ -104,13 +114,18 @@ class PlanSettings(Struct, frozen=True):
     speed: Annotated[float, Field(above=0, units=("ground unit/s",), example="8.0")] = 10.0
     turn: Annotated[float, Field(least=0, units=("s",), example="8.0")] = 8.0
     battery: Annotated[float, Field(above=0, units=("minutes",), example="20.0")] = 20.0
+    object: Annotated[ObjectKind, Field(example='"control"')] = ""
     centre: Annotated[tuple[float, float, float], Field(units=_LENGTH, example="[0.0, 0.0, 0.0]")] = (0.0, 0.0, 0.0)
     size: Annotated[tuple[float, float, float], Field(above=0, units=_LENGTH, example="[1.0, 1.0, 0.5]")] = (
         1.0, 1.0, 1.0,
     )  # fmt: skip
+    axis: Annotated[tuple[float, float, float], Field(example="[0.0, -1.0, 0.0]")] = (0.0, 0.0, 1.0)
+    lowest: Annotated[float | None, Field(units=_LENGTH, example="0.0")] = None
     distance: Annotated[float | None, Field(above=0, units=_LENGTH, example="3.0")] = None
     elevations: Annotated[tuple[float, ...], Field(units=("degrees",), example="[15.0, 50.0]")] = (45.0,)
     stations: Annotated[int, Field(least=1, example="8")] = 8
+    rays: Annotated[int, Field(least=0, most=50, example="6")] = 0
+    convergence: Annotated[float, Field(above=0, most=80, units=("degrees",), example="15.0")] = 15.0
     rolls: Annotated[tuple[float, ...], Field(units=("degrees",), example="[0.0, 90.0]")] = (0.0, 90.0)
     position_error: Annotated[
         tuple[float, float, float] | None, Field(above=0, units=_LENGTH, example="[0.015, 0.015, 0.025]")

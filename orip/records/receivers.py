@@ -58,6 +58,10 @@ class GnssSettings(EventSettings, frozen=True, kw_only=True):
         Least one of satellites.
     systems : str
     frequencies : int
+    antex : str
+        Calibrations of antennas; empty: none are applied.
+    rover_antenna, base_antenna : str
+        Their types in it; empty: as the headers say.
     """
 
     rover: Annotated[str, Field(shortest=1, example='"flight.obs"')]
@@ -72,6 +76,9 @@ class GnssSettings(EventSettings, frozen=True, kw_only=True):
     elevation: Annotated[float, Field(least=0, most=60, units=_DEGREES, example="15.0")] = 15.0
     systems: Annotated[str, Field(shortest=1, longest=5, example='"GREJC"')] = "GREJC"
     frequencies: Annotated[int, Field(least=1, most=3, example="2")] = 2
+    antex: Annotated[str, Field(example='"igs20.atx"')] = ""
+    rover_antenna: Annotated[str, Field(example='"TRM29659.00 NONE"')] = ""
+    base_antenna: Annotated[str, Field(example='"TRM29659.00 NONE"')] = ""
 
 
 class ImuSettings(EventSettings, frozen=True, kw_only=True):

@@ -73,7 +73,7 @@ class DoubtedEpochs(Part, frozen=True):
 class Gnss(Part, frozen=True):
     """Positions of a receiver: m, m², geocentric; place, covariance and closure of one that stands, else null."""
 
-    command: Literal["gnss"]
+    command: Literal["gnss positions"]
     file: str
     dry_run: bool
     way: Literal["static", "kinematic", "epochs"]
@@ -99,9 +99,15 @@ class NoiseFactors(Part, frozen=True):
 
 
 class Imu(Part, frozen=True):
-    """A smoothed trajectory: seconds since 1980-01-06, m, radians; medians of standard deviations east, north, up."""
+    """A smoothed trajectory: seconds since 1980-01-06, m, radians; medians of standard deviations east, north, up.
 
-    command: Literal["imu"]
+    `forward`: of the filter alone. `innovations`: positions less predicted ones, in standard deviations (RMS).
+    """
+
+    command: Literal["imu smooth"]
+    forward: bool
+    standing: int
+    innovations: float | None
     files: list[str]
     dry_run: bool
     time_system: str
@@ -114,4 +120,63 @@ class Imu(Part, frozen=True):
     angle_sd: list[float]
     gyro_bias: list[float]
     accelerometer_bias: list[float]
+    warnings: list[Warned]
+
+
+class SensorNoise(Part, frozen=True):
+    """Of one axis: random walk per root of s, bias instability, random walk of the bias; Allan deviations."""
+
+    random_walk: float
+    instability: float
+    bias_walk: float
+    tau: list[float]
+    deviation: list[float]
+
+
+class ImuNoise(Part, frozen=True):
+    """Noise of an inertial unit that stood: rad/s, m/s², s, along forward, right, down; and the values of `noise`."""
+
+    command: Literal["imu noise"]
+    file: str
+    duration: float
+    gyro: list[SensorNoise]
+    accelerometer: list[SensorNoise]
+    gyro_mean: list[float]
+    force_mean: list[float]
+    noise: list[float]
+
+
+class NetworkMark(Part, frozen=True):
+    """A mark: geocentric, m, and in the project's coordinates with standard deviations."""
+
+    name: str
+    place: list[float]
+    X: float
+    Y: float
+    Z: float
+    error: list[float]
+
+
+class NetworkLine(Part, frozen=True, rename={"first": "from", "second": "to"}):
+    """A baseline; the residual is adjusted less observed, geocentric, m."""
+
+    first: str
+    second: str
+    fixed: bool
+    residual: list[float]
+    wrong: bool
+
+
+class GnssNetwork(Part, frozen=True):
+    """A network of baselines with one mark held; covariances of all marks, geocentric, m²."""
+
+    command: Literal["gnss network"]
+    files: list[str]
+    dry_run: bool
+    held: str
+    marks: list[NetworkMark]
+    baselines: list[NetworkLine]
+    sigma0: float | None
+    redundancy: int
+    covariance: list[list[float]]
     warnings: list[Warned]

@@ -22,6 +22,7 @@ class PlanMade(Part, frozen=True):
     seconds: float | None
     turns: int
     batteries: int
+    rays: int
 
 
 class PlanAdvice(Part, frozen=True):

@@ -49,7 +49,7 @@ def only_screen(folder: Path) -> Iterator[None]:
         If another one has it.
     """
     from orip.files.text.own_files import locked, make_file, make_folder
-    from orip.images.tiles import TILE_FOLDER
+    from orip.images.tile_folder import TILE_FOLDER
 
     path = folder / TILE_FOLDER / "screen"
     with ExitStack() as held:

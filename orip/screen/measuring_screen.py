@@ -5,14 +5,14 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
-from orip.errors import OripError
+from orip.errors import InputError, OripError
 from orip.images.matching.one_point import Transfer
 from orip.images.tiles import TILE, TileName, TileStore, level_count
 from orip.screen.plates import Plate
@@ -31,7 +31,7 @@ _DECIMALS = 4
 class PageOfSession(Protocol):
     """What a session shows."""
 
-    def state(self) -> Document:
+    def told(self) -> Document:
         """Return what was answered, what waits and what is suspect; `serial` counts up with every change."""
 
 
@@ -46,7 +46,7 @@ class MeasuringSession(Protocol):
     def news(self) -> Iterator[Document]:
         """Yield what has been reconsidered, and what others have measured."""
 
-    def points(self) -> Document | None:
+    def points(self, photos: Iterable[str]) -> Document | None:
         """Return by photo its points as in a measurement file, and what is up; None while that is being changed."""
 
     def control(self) -> list[str]:
@@ -93,6 +93,7 @@ class MeasuringScreen:
             "exclude": lambda asked: self._of_point("exclude", asked),
             "include": lambda asked: self._of_point("include", asked),
             "undo": lambda _: self._reply({"do": "undo"}),
+            "points": self._points,
             "views": self._views,
             "propose": self._propose,
             "ray": self._ray,
@@ -100,29 +101,26 @@ class MeasuringScreen:
             "next": lambda _: self._next(),
         }
         self._looked_at, self._serial = 0.0, -1
-        self._state: Document = {"serial": 0, "photos": {}}
+        self._state: Document = {"serial": 0}
 
     def state(self) -> Document:
-        """Return the points of all photos, pixels, the last answer, what waits and what is suspect."""
+        """Return the last answer, what waits and what is suspect."""
         now = time.monotonic()
         if now > self._looked_at + _NEWS_EVERY_S:
             self._looked_at = now
             for _ in self._session.news():
                 pass  # its page has it
-        state = self._session.page.state()
+        state = self._session.page.told()
         if state["serial"] != self._serial:
-            points = self._session.points()
-            photos = self._state["photos"] if points is None else self._in_pixels(points)
             shown: Document = {key: state[key] for key in ("suspects", "waiting") if key in state}
             history = state.get("history") or [None]
             self._state = {
                 **shown,
                 "serial": self._state["serial"] + 1,
-                "photos": photos,
                 "answer": self._advised(state.get("answer") or {}),
                 "sigma0": history[-1],
             }
-            self._serial = state["serial"] if points is not None else -1
+            self._serial = state["serial"]
         return self._state
 
     def picture(self, name: str) -> bytes:
@@ -144,14 +142,17 @@ class MeasuringScreen:
             message = f"there is no photo {photo} with an image"
             raise RequestError(message)
         plate = self._in_order[photo]
-        assert plate.image is not None, "it has one"
-        return self._store.tile(plate.image, plate.shown, TileName(level, column, row))
+        return self._store.tile(plate.stored, TileName(level, column, row))
 
     def _measure(self, asked: Document) -> Document:
-        plate, pixel = self._plate(asked), _pixel(asked)
+        plate, pixel = self._usable(asked), _pixel(asked)
         if not (0.0 <= pixel[0] <= plate.size[0] and 0.0 <= pixel[1] <= plate.size[1]):
             message = f"the place is outside of the image of photo {plate.photo}"
             raise RequestError(message)
+        try:
+            self._store.require_as_found(plate.stored)
+        except InputError as error:
+            raise RequestError(str(error)) from error
         x, y = (round(value, _DECIMALS) for value in plate.to_log(pixel))
         return self._reply({"do": "measure", "photo": plate.photo, "point": asked.get("point"), "x": x, "y": y})
 
@@ -238,10 +239,19 @@ class MeasuringScreen:
         todo = self._reply({"do": "show", "what": "todo"}).get("todo", [])
         return {"next": [self._candidate(one) for one in todo]}
 
+    def _points(self, asked: Document) -> Document:
+        """Return the points of photos, pixels; null while they change."""
+        numbers = asked.get("photos")
+        if not isinstance(numbers, list) or not all(type(n) is int and 0 <= n < len(self._in_order) for n in numbers):
+            message = "'photos' are numbers of photos"
+            raise RequestError(message)
+        points = self._session.points(self._in_order[number].photo for number in numbers)
+        return {"photos": None if points is None else self._in_pixels(points)}
+
     def _in_pixels(self, points: Document) -> Document:
         found = {}
         for photo, of_photo in points.items():
-            origin = self._plates[photo].origin if photo in self._plates else 0.0
+            origin = self._plates[photo].origin
             rows = [[name, x + origin, y + origin, state] for name, x, y, state in of_photo["points"]]
             found[photo] = {"points": rows, "up": of_photo["up"]}
         return found

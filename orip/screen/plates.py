@@ -9,6 +9,7 @@ from msgspec import Struct
 
 from orip.errors import InputError, UsageError
 from orip.images.images_of_photos import image_fault, origin_of_pixels, paths_of_photos
+from orip.images.tiles import StoredImage
 from orip.records.names import record_key
 from orip.workflow.project.state import ProjectState
 
@@ -37,6 +38,12 @@ class Plate(Struct, frozen=True):
     size: tuple[int, int]
     origin: float
     fault: str
+
+    @property
+    def stored(self) -> StoredImage:
+        """Return the image; there is one."""
+        assert self.image is not None, "it has no fault"
+        return StoredImage(self.image, self.shown, self.size)
 
     def to_log(self, pixel: tuple[float, float]) -> tuple[float, float]:
         """Return the coordinates of a measurement file of a place in pixels."""

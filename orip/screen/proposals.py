@@ -122,10 +122,8 @@ def propose(
 
 def _part(store: TileStore, plate: Plate, place: FloatArray) -> tuple[Any, FloatArray, FloatArray]:
     """Return the grey values around a place, the place in them, and their first column and row."""
-    assert plate.image is not None, "it has no fault"
-    grey = store.grey(plate.image, plate.shown)
-    # an image that has become smaller meanwhile has no such place
-    first = np.clip(np.floor(place).astype(int) - _REACH, 0, np.array(grey.shape[::-1]) - 1)
-    last = first + 2 * _REACH
-    part = grey[first[1] : last[1], first[0] : last[0]].copy()
+    first = np.clip(np.floor(place).astype(int) - _REACH, 0, np.array(plate.size) - 1)
+    last = np.minimum(first + 2 * _REACH, plate.size)
+    rows, columns = (slice(int(first[axis]), int(last[axis])) for axis in (1, 0))
+    part = store.grey(plate.stored, rows, columns)
     return part, place - first, first.astype(np.float64)

@@ -55,11 +55,10 @@ def rectified_tile(
     if not (0 <= name.level < level_count(*size) and min(name.column, name.row) >= 0 and min(width, height) > 0):
         message = f"the rectified photo has no tile {name.column}, {name.row} in level {name.level}"
         raise InputError.single(message, plate.shown)
-    assert plate.image is not None, "it has one"
     level = min(name.level, level_count(*plate.size) - 1)
     # two photos in colour that are not in memory together would be decoded again and again
     is_grey = 2 * 3 * plate.size[0] * plate.size[1] > KEPT_BYTES
-    image = store.level(plate.image, plate.shown, level, is_grey=is_grey)
+    image = store.level(plate.stored, level, is_grey=is_grey)
     places = _places(width, height, lambda grid: pixels((grid + first) * reduction) / (1 << level))
     return as_jpeg(_resampled(image, places))
 

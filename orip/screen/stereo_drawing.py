@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -65,14 +65,33 @@ class StereoView(Protocol):
     def next_model(self) -> None:
         """Change to the next model."""
 
+    def other_models(self) -> list[str]:
+        """Return the names of the other models that show the mark, farthest from their borders first."""
+
     def guide(self, system: Any) -> None:
         """Choose the guiding system."""
 
     def automatic(self, on: bool) -> None:
         """Let models change at frame lines, or not."""
 
+    def project_place_of(self, vertex: StereoVertex) -> Triple | None:
+        """Return `place_of`, in the project."""
+
+    def ground_pixel(self) -> tuple[float, float]:
+        """Return what a rectified pixel is at the mark, ground units: across, and as x-parallax in height."""
+
+    def go_to_vertex(self, vertex: StereoVertex) -> None:
+        """Set the plates to what was measured."""
+
     def transfer_to_right(self) -> Any:
         """Return where the right image is expected to show what the left plate is at."""
+
+
+class Near(NamedTuple):
+    """A vertex that was measured, or an adjusted point; and what it is called."""
+
+    shown: str
+    vertex: StereoVertex | None
 
 
 class StereoDrawing:
@@ -126,6 +145,30 @@ class StereoDrawing:
         if vertex not in self._places:
             self._places[vertex] = self._processor.place_of(vertex)
         return self._places[vertex]
+
+    def nearest(self, reading: Any, within: float) -> Near | None:
+        """Return the vertex or adjusted point that is seen nearest to the mark in both photos, within so many pixels.
+
+        The last vertex that was recorded is none: it is where the mark comes from.
+        """
+        pair, vertices = self._processor.rectified(reading.model), list(self._vertices())
+        near: list[tuple[float, int, Near]] = []
+        places = np.array([place for _, place in vertices]).reshape(-1, 3)
+        for found, shown in ((places, [one for one, _ in vertices]), (self._points, self._names)):
+            off = [np.linalg.norm(pair.places(side, found) - reading.places[side], axis=1) for side in (0, 1)]
+            apart = np.max(off, axis=0)
+            for row in np.flatnonzero(apart <= within).tolist():
+                one = shown[row]
+                near.append((float(apart[row]), len(near), one if isinstance(one, Near) else Near(one, None)))
+        return min(near)[2] if near else None
+
+    def _vertices(self) -> Iterator[tuple[Near, Triple]]:
+        features = self._file.features
+        for feature in features:
+            last = len(feature.vertices) - (feature is features[-1] and feature.kind != "POINT")
+            for number, vertex in enumerate(feature.vertices[:last], start=1):
+                if (place := self._place(vertex)) is not None:
+                    yield Near(f"{feature.kind} {feature.code} {feature.name}, vertex {number}", vertex), place
 
     @staticmethod
     def _inside(pair: Any, side: int, places: FloatArray) -> Any:

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 import threading
+import time
 from collections.abc import Callable, Mapping
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
 
 from orip.errors import LinkError
 from orip.files.log.stereo_writing import StereoFile
 from orip.images.tiles import TILE, TileName, TileStore, level_count
-from orip.records.stereo import FEATURE_KINDS, LEAST_VERTICES, FeatureKind, StereoFeature
+from orip.records.stereo import FEATURE_KINDS, LEAST_VERTICES, FeatureKind, StereoFeature, StereoVertex
+from orip.screen.asked import number, numbers, one_of, word
+from orip.screen.courses import COURSE_KINDS, CourseDriver, CourseKind, contour, grid, profile
 from orip.screen.plates import Plate
 from orip.screen.proposals import propose
 from orip.screen.rectified_tiles import rectified_tile
@@ -32,6 +34,12 @@ _SURROUNDINGS = 16.0
 
 _MOST_PIXELS = 1e5
 """Of a movement."""
+
+_FARTHEST = 1e15
+"""Ground units."""
+
+_AT_ONCE_S = 0.5
+"""Seconds for which vertices of a course are recorded before the page is told."""
 
 
 class StereoScreen:
@@ -59,6 +67,8 @@ class StereoScreen:
         self._drawing = StereoDrawing(processor, file)
         self._state: Document = {"serial": 0}
         self._closed = file.unfinished is None
+        self._course: CourseDriver | None = None
+        self._target: Document = {}
         self.scene: Document = {
             "title": title,
             "unit": unit,
@@ -66,6 +76,7 @@ class StereoScreen:
             "file": file.shown,
             "guides": GUIDES,
             "kinds": FEATURE_KINDS,
+            "courses": COURSE_KINDS,
             "models": [self._model(number) for number in range(len(processor.block.models))],
             "points": list(processor.points)[:_MOST_NAMES],
         }
@@ -73,7 +84,7 @@ class StereoScreen:
             "move": self._done(self._move),
             "drive": self._done(self._drive),
             "plate": self._done(self._plate),
-            "model": self._done(lambda asked: processor.change_model(_word(asked, "name"))),
+            "model": self._done(lambda asked: processor.change_model(word(asked, "name"))),
             "next": self._done(lambda _: processor.next_model()),
             "guide": self._done(self._guide),
             "automatic": self._done(self._automatic),
@@ -81,6 +92,9 @@ class StereoScreen:
             "record": self._done(self._record),
             "close": self._done(lambda _: self._close()),
             "undo": self._done(lambda _: self._undo()),
+            "course": self._done(self._begin_course),
+            "step": self._done(lambda _: self._step()),
+            "run": self._done(lambda _: self._run()),
             "drawn": lambda _: self._drawn(),
         }
 
@@ -163,43 +177,36 @@ class StereoScreen:
             ],
             "places": [list(map(_finite, place)) for place in reading.places],
             "open": open_one,
+            "target": self._target,
             "drawn": self._drawing.serial(),
         }  # fmt: skip
 
     def _move(self, asked: Document) -> None:
-        right, up, higher = (_number(asked.get(key, 0.0), _MOST_PIXELS) for key in ("right", "up", "higher"))
+        right, up, higher = (number(asked.get(key, 0.0), _MOST_PIXELS) for key in ("right", "up", "higher"))
         self._processor.move(right, up, higher)
 
     def _drive(self, asked: Document) -> None:
         if "point" in asked:
-            xyz = self._processor.points.get(_word(asked, "point"))
+            xyz = self._processor.points.get(word(asked, "point"))
             if xyz is None:
                 message = f"there is no adjusted point {asked['point'][:60]}"
                 raise RequestError(message)
         else:
-            given = asked.get("object")
-            if not isinstance(given, list) or len(given) != 3:
-                message = "drive takes 'point', a name, or 'object', three numbers"
-                raise RequestError(message)
-            x, y, z = (_number(value, 1e15) for value in given)
+            x, y, z = numbers(asked.get("object"), 3, _FARTHEST, "'object'")
             xyz = x, y, z
         self._processor.drive(xyz)
 
     def _plate(self, asked: Document) -> None:
         names = self._processor.photo_names(self._processor.read().model)
-        photo = _word(asked, "photo")
+        photo = word(asked, "photo")
         if photo not in names:
             message = f"photo {photo[:60]} is not in the model"
             raise RequestError(message)
-        pixel = _number(asked.get("x"), 1e9), _number(asked.get("y"), 1e9)
+        pixel = number(asked.get("x"), 1e9), number(asked.get("y"), 1e9)
         self._processor.set_plate(names.index(photo), self._plates[photo].to_log(pixel))
 
     def _guide(self, asked: Document) -> None:
-        system: Any = _word(asked, "system")
-        if system not in GUIDES:
-            message = f"'{system[:20]}' is no guiding system; choose one of {', '.join(GUIDES)}"
-            raise RequestError(message)
-        self._processor.guide(system)
+        self._processor.guide(one_of(asked, "system", GUIDES))
 
     def _automatic(self, asked: Document) -> None:
         on = asked.get("on")
@@ -231,16 +238,82 @@ class StereoScreen:
             raise RequestError(message)
 
     def _record(self, asked: Document) -> str:
-        kind: FeatureKind | Any = asked.get("kind")
-        if kind not in FEATURE_KINDS:
-            message = f"'kind' is one of {', '.join(FEATURE_KINDS)}"
-            raise RequestError(message)
+        kind: FeatureKind = one_of(asked, "kind", FEATURE_KINDS)
         if self._processor.read().xyz is None:
             message = "the rays of the two plates do not meet; drive to the point first"
             raise RequestError(message)
-        feature = self._file.put(kind, _word(asked, "code"), _word(asked, "name"), self._processor.vertex())
+        for photo in self._processor.photo_names(self._processor.read().model):
+            if self._plates[photo].image is not None and not self._plates[photo].fault:
+                self._store.require_as_found(self._plates[photo].stored)
+        snapped = self._snap(asked["snap"]) if "snap" in asked else ""
+        return self._put(kind, word(asked, "code"), word(asked, "name"), self._processor.vertex()) + snapped
+
+    def _put(self, kind: FeatureKind, code: str, name: str, vertex: StereoVertex) -> str:
+        feature = self._file.put(kind, code, name, vertex)
         self._closed = kind == "POINT"
         return f"recorded {_counted(feature)}"
+
+    def _snap(self, within: object) -> str:
+        """Bring the mark to the vertex or point that is nearest, where there is one within some pixels."""
+        near = self._drawing.nearest(self._processor.read(), number(within, _MOST_PIXELS))
+        if near is None:
+            return ""
+        if near.vertex is None:
+            self._processor.drive(self._processor.points[near.shown])
+        else:
+            self._processor.go_to_vertex(near.vertex)
+        return f", snapped to {near.shown}"
+
+    # courses
+
+    def _begin_course(self, asked: Document) -> str:
+        """Begin a profile or grid between two places, or a contour from where the mark is."""
+        kind: CourseKind = one_of(asked, "kind", COURSE_KINDS)
+        code, name = word(asked, "code"), word(asked, "name")
+        spacing = number(asked.get("spacing"), _FARTHEST)
+        least = self._processor.ground_pixel()[0]
+        if not spacing >= least:
+            message = f"the spacing is below a pixel, which is {least:.3g} on the ground; choose a larger one"
+            raise RequestError(message)
+        self._file.require_finished()
+        if kind == "CONTOUR":
+            course = contour(code, name, number(asked.get("z"), _FARTHEST), spacing)
+        else:
+            (x, y), (u, v) = (numbers(asked.get(end), 2, _FARTHEST, f"'{end}'") for end in ("from", "to"))
+            course = (profile if kind == "PROFILE" else grid)(code, name, ((x, y), (u, v)), spacing)
+        self._course = CourseDriver(self._processor, self._match, self._file, course)
+        ahead = self._course.ahead()
+        return f"{kind.lower()} {code} {name}" + ("" if ahead is None else f": {ahead} places ahead")
+
+    def _step(self) -> str:
+        """Bring the mark to what is next on the course, to be looked at and recorded."""
+        target = self._driver.next()
+        if target is None:
+            return "nothing is ahead"
+        course = self._driver.course
+        self._target = {"kind": course.of_features, "code": course.code, "name": target.name}
+        return f"at {target.name}: look, correct, record"
+
+    def _run(self) -> str:
+        """Record what is next on the course, as it is matched, for a while."""
+        driver, said, until = self._driver, "", time.monotonic() + _AT_ONCE_S
+        while time.monotonic() < until:
+            target = driver.next_matched()
+            if target is None:
+                return f"{said or 'nothing is ahead'}; all is done"
+            vertex = self._processor.vertex() if target.closing is None else target.closing
+            said = self._put(driver.course.of_features, driver.course.code, target.name, vertex)
+            if target.closing is not None or driver.ahead() == 0:
+                return f"{said}; all is done"
+        ahead = driver.ahead()
+        return said + ("" if ahead is None else f"; {ahead} ahead")
+
+    @property
+    def _driver(self) -> CourseDriver:
+        if self._course is None:
+            message = "begin a profile, a grid or a contour first"
+            raise RequestError(message)
+        return self._course
 
     def _close(self) -> str:
         self._file.require_finished()
@@ -271,18 +344,3 @@ def _counted(feature: StereoFeature) -> str:
 
 def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
-
-
-def _word(asked: Document, key: str) -> str:
-    word = asked.get(key)
-    if not isinstance(word, str) or not word:
-        message = f"'{key}' is missing: give its name"
-        raise RequestError(message)
-    return word
-
-
-def _number(given: object, most: float) -> float:
-    if isinstance(given, bool) or not isinstance(given, int | float) or not abs(given) <= most:
-        message = f"expected a number up to {most:g}"
-        raise RequestError(message)
-    return float(given)

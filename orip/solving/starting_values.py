@@ -11,6 +11,7 @@ from msgspec import Struct
 from orip.arrays import BoolArray, FloatArray
 from orip.bundle.antennas import without_photos
 from orip.bundle.assemble import BlockInput, gather, with_starting_values
+from orip.bundle.rigs.parts import with_parts_on_rigs
 from orip.bundle.rigs.starting import oriented_by_rigs
 from orip.errors import Complaint, InputError, NotSolvableError, ProjectWarning
 from orip.mistakes.checks import block_warnings, measurement_warnings, raise_if_impossible
@@ -108,7 +109,8 @@ def own_start(block: Block, values: PreliminaryValues) -> StartedBlock:
 def _started_at(
     block: Block, values: PreliminaryValues, orientation: FloatArray, preliminary: Sequence[PreliminaryPoint]
 ) -> StartedBlock:
-    orientation = oriented_by_rigs(replace(block, photo_orientation=orientation)).photo_orientation
+    on_rigs = with_parts_on_rigs(replace(block, photo_orientation=orientation), _places(block, values))
+    orientation = oriented_by_rigs(on_rigs.block).photo_orientation
     missing: BoolArray = np.asarray(np.isnan(orientation).any(axis=1))
     oriented_by_chain = any(photo.rotation is not None for photo in values.photos)
     if missing.all() or (missing.any() and not oriented_by_chain):
@@ -116,6 +118,7 @@ def _started_at(
     reduced = without_photos(block, missing) if missing.any() else block
     # weighted control starts where its rays meet: wrong coordinates would lead the iterations astray
     placed = {point.name for point in preliminary}
+    placed |= set(compress(block.point_names, on_rigs.moved))
     points = [point for point in points_in_project(values.points, block.ground) if point.name not in placed]
     cameras = cameras_as_found(reduced.cameras, values.cameras)
     started, warnings = with_starting_values(
@@ -124,6 +127,13 @@ def _started_at(
     findings = (ProjectWarning("preliminary-values", "", finding) for finding in values.findings)
     left_out = tuple(_left_out(photo) for photo in compress(values.photos, missing))
     return StartedBlock(started, reduced, left_out, (*findings, *warnings))
+
+
+def _places(block: Block, values: PreliminaryValues) -> FloatArray:
+    """Return the coordinates (p, 3) that the block's points have in its frame, NaN where they have none."""
+    found = dict(zip(values.points.names, values.points.coordinates.tolist(), strict=True))
+    nothing = [np.nan] * 3
+    return np.array([found.get(name, nothing) for name in block.point_names], dtype=np.float64).reshape(-1, 3)
 
 
 def _left_out(photo: PhotoStart) -> ProjectWarning:
@@ -198,7 +208,7 @@ def gather_bundle(inputs: BlockInput) -> Block:
         raise InputError((*causes, *inputs.interior.complaints, *error.complaints)) from None
     found = (
         *systems,
-        *inputs.warnings,
+        *block.warnings,
         *measurement_warnings(inputs.records, inputs.measured, inputs.interior),
         *block_warnings(block, inputs.control),
         *block.ground.warnings,

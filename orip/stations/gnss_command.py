@@ -1,4 +1,4 @@
-"""`orip gnss`: positions of a receiver from its observations and those of a base."""
+"""`orip gnss positions`: positions of a receiver from its observations and those of a base."""
 
 from __future__ import annotations
 
@@ -43,6 +43,20 @@ class BaseOptions(NamedTuple):
     ] = None
 
 
+class AntennaOptions(NamedTuple):
+    """Calibrations of antennas."""
+
+    antex: Annotated[
+        Path | None, typer.Option("--antex", metavar="FILE", help="Calibrations of the antennas (and satellites).")
+    ] = None
+    rover_antenna: Annotated[
+        str, typer.Option("--rover-antenna", metavar="TYPE", help="Type and radome; else the header's.")
+    ] = ""
+    base_antenna: Annotated[
+        str, typer.Option("--base-antenna", metavar="TYPE", help="Type and radome; else the header's.")
+    ] = ""
+
+
 class UsedOptions(NamedTuple):
     """What is used of the observations."""
 
@@ -55,16 +69,17 @@ class UsedOptions(NamedTuple):
     frequencies: Annotated[int, typer.Option("--frequencies", metavar="N", help="1, 2 or 3.")] = 2
 
 
-def register(app: typer.Typer) -> None:
+def register_positions(group: typer.Typer) -> None:
     """Add the command."""
 
-    @command(app, "gnss")
-    def gnss_command(
+    @command(group, "positions")
+    def positions_command(
         invocation: Invocation,
-        rover: Annotated[Path, typer.Argument(metavar="ROVER", help="Observations (RINEX) of the receiver.")],
+        rover: Annotated[Path, typer.Argument(metavar="ROVER", help="Observations: RINEX, UBX, RTCM 3.")],
         base: Annotated[Path, typer.Argument(metavar="BASE", help="Those of a receiver at a known place.")],
         orbits: Annotated[list[Path], typer.Argument(metavar="NAV...", help="Orbits: RINEX, SP3 and CLK.")],
         places: BaseOptions,
+        antennas: AntennaOptions,
         used: UsedOptions,
         way: Annotated[
             str, typer.Option("--way", metavar="WAY", help="kinematic, static, or epochs: each alone.")
@@ -81,7 +96,7 @@ def register(app: typer.Typer) -> None:
 
         Forward and backward in time; where the two contradict each other, and what else is not to be trusted, is said.
 
-        Example: orip gnss flight.obs base.obs flight.nav
+        Example: orip gnss positions flight.obs base.obs flight.nav
         """
         from orip.files.text.atomic import write_output
         from orip.stations.gnss.processing import GnssFiles, process_gnss
@@ -89,15 +104,16 @@ def register(app: typer.Typer) -> None:
 
         folder = invocation.folder
         files = GnssFiles(
-            folder / rover, folder / base, tuple(folder / path for path in orbits), _way(way), _place(places.place),
-            places.rover_height, places.base_height, _elevation(used.elevation), _systems(used.systems),
-            _frequencies(used.frequencies),
+            folder / rover, folder / base, tuple(folder / path for path in orbits), _way(way), place_of(places.place),
+            places.rover_height, places.base_height, elevation_of(used.elevation), systems_of(used.systems),
+            frequencies_of(used.frequencies), None if antennas.antex is None else folder / antennas.antex,
+            antennas.rover_antenna, antennas.base_antenna,
         )  # fmt: skip
         if point is not None and files.way != "static":
             message = "--point writes the place of a receiver that stands; add --way static"
             raise UsageError(message)
         target = folder / (output or Path(f"{rover.name.split('.')[0] or rover.name}.pos"))
-        require_solution(target, [files.rover, files.base, *files.orbits])
+        require_solution(target, [files.rover, files.base, *files.orbits, *([files.antex] if files.antex else [])])
         result = process_gnss(files)
         added = None if point is None else _add_point(invocation, result, point, dry_run=dry_run)
         if not dry_run:
@@ -114,7 +130,8 @@ def _way(word: str) -> Way:
     return _WAYS[word]
 
 
-def _place(text: str | None) -> tuple[float, float, float] | None:
+def place_of(text: str | None, option: str = "--base") -> tuple[float, float, float] | None:
+    """Return geocentric coordinates; raises UsageError for what are none."""
     from orip.files.text.decimal_numbers import is_number, parse_number
 
     if text is None:
@@ -123,20 +140,22 @@ def _place(text: str | None) -> tuple[float, float, float] | None:
     numbers = [parse_number(part) if is_number(part) else np.nan for part in parts]
     if len(numbers) != 3 or not 6.2e6 < float(np.linalg.norm(numbers)) < 6.5e6:
         message = (
-            f"--base {text}: write geocentric X, Y and Z in metres, such as -3978242.4348,3382841.1715,3649902.7667"
+            f"{option} {text}: write geocentric X, Y and Z in metres, such as -3978242.4348,3382841.1715,3649902.7667"
         )
         raise UsageError(message)
     return numbers[0], numbers[1], numbers[2]
 
 
-def _elevation(degrees: float) -> float:
+def elevation_of(degrees: float) -> float:
+    """Return a least elevation; raises UsageError for what is none."""
     if not 0.0 <= degrees <= 60.0:
         message = f"--elevation {degrees:g}: write degrees from 0 to 60"
         raise UsageError(message)
     return degrees
 
 
-def _systems(letters: str) -> str:
+def systems_of(letters: str) -> str:
+    """Return letters of satellite systems; raises UsageError for others."""
     wanted = letters.upper().replace(",", "")
     if not wanted or set(wanted) - SYSTEMS.keys():
         message = f"--systems {letters}: write letters of {''.join(SYSTEMS)}, such as GE"
@@ -144,7 +163,8 @@ def _systems(letters: str) -> str:
     return wanted
 
 
-def _frequencies(count: int) -> int:
+def frequencies_of(count: int) -> int:
+    """Return a number of frequencies; raises UsageError for others."""
     if not 1 <= count <= 3:
         message = f"--frequencies {count}: write 1, 2 or 3"
         raise UsageError(message)
@@ -221,7 +241,7 @@ def _document(result: GnssResult, target: Path, *, dry_run: bool) -> dict[str, o
     solution = result.joined.solution
     stands = result.settings.way == "static"
     return {
-        "command": "gnss",
+        "command": "gnss positions",
         "file": target.name,
         "dry_run": dry_run,
         "way": result.settings.way,

@@ -9,35 +9,18 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import numpy as np
 import typer
 
-from orip.cli.options import DryRunOption, Invocation, command
+from orip.cli.options import DryRunOption, Invocation, add_group, command
 from orip.cli.terminal import warning_rows
 from orip.errors import UsageError
+from orip.stations.imu_form import FormOptions, form_of, numbers_of, three_numbers
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from orip.arrays import FloatArray
     from orip.records.epochs import Epochs
-    from orip.stations.inertial.files import ImuForm
-    from orip.stations.inertial.processing import ImuResult
+    from orip.stations.inertial.dense import ImuResult
     from orip.stations.inertial.samples import ImuNoise
-
-
-class FormOptions(NamedTuple):
-    """How the file of the unit is to be read."""
-
-    columns: Annotated[
-        str | None, typer.Option("--columns", metavar="NAMES", help="Of time,fx,fy,fz,wx,wy,wz in order; -: not used.")
-    ] = None
-    force_unit: Annotated[str, typer.Option("--force-unit", metavar="UNIT", help="m/s2 or g.")] = "m/s2"
-    rate_unit: Annotated[str, typer.Option("--rate-unit", metavar="UNIT", help="rad/s or deg/s.")] = "rad/s"
-    mount: Annotated[
-        str, typer.Option("--mount", metavar="R,P,Y", help="Roll, pitch, yaw of the unit on the body, degrees.")
-    ] = "0,0,0"
-    time: Annotated[
-        str | None, typer.Option("--time", metavar="SYSTEM", help="gps, week, unix-gps, unix-utc; else what fits.")
-    ] = None
-    shift: Annotated[float, typer.Option("--shift", metavar="SECONDS", help="Added to the times of the samples.")] = 0.0
 
 
 class ModelOptions(NamedTuple):
@@ -49,11 +32,12 @@ class ModelOptions(NamedTuple):
     noise: Annotated[
         str,
         typer.Option(
-            "--noise", metavar="GRADE", help="mems, tactical, navigation, or six numbers: see orip imu --help."
+            "--noise", metavar="GRADE", help="mems, tactical, navigation, or six numbers: see orip imu smooth --help."
         ),
     ] = "mems"
     as_given: Annotated[bool, typer.Option("--as-given", help="Do not estimate the noise from the data.")] = False
     rate: Annotated[float, typer.Option("--rate", metavar="HZ", help="Of the trajectory.", min=1.0, max=500.0)] = 50.0
+    forward: Annotated[bool, typer.Option("--forward", help="Write that of the filter alone, not smoothed.")] = False
 
 
 class EventOptions(NamedTuple):
@@ -78,10 +62,20 @@ class EventOptions(NamedTuple):
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command."""
+    """Add the group of commands; without the name of one of them it is `smooth`."""
+    text = (
+        "Smooth a trajectory with attitudes from inertial data and positions; noise of a unit.\n\n"
+        "'orip imu IMU GNSS' is 'orip imu smooth IMU GNSS'.\n\n"
+        "Example: orip imu imu.csv flight.pos --mount 180,0,-90"
+    )
+    add_group(app, "imu", text, _register, default="smooth")
 
-    @command(app, "imu")
-    def imu_command(
+
+def _register(group: typer.Typer) -> None:
+    from orip.stations.imu_noise_command import register_noise
+
+    @command(group, "smooth")
+    def smooth_command(
         invocation: Invocation,
         imu: Annotated[Path, typer.Argument(metavar="IMU", help="Samples of the unit: a table, also .gz.")],
         positions: Annotated[Path, typer.Argument(metavar="GNSS", help="Positions: a solution of RTKLIB (.pos).")],
@@ -102,17 +96,20 @@ def register(app: typer.Typer) -> None:
         With --events the photos of a project get exposure stations with the covariances of position and attitude
         (.STA) and the differences between successive exposures (.REL).
 
-        Example: orip imu imu.csv flight.pos --mount 180,0,-90 --lever-arm 0.1,0,-0.3
+        Example: orip imu smooth imu.csv flight.pos --mount 180,0,-90 --lever-arm 0.1,0,-0.3
         """
         from orip.files.text.atomic import write_output
         from orip.stations.inertial.processing import ImuFiles, process_imu
         from orip.stations.own_outputs import require_trajectory
 
         folder = invocation.folder
+        if model.forward and exposures.events is not None:
+            message = "--forward is to compare with; stations and relative control (--events) need the smoother"
+            raise UsageError(message)
         files = ImuFiles(
-            folder / imu, folder / positions, _form(form), _noise(model.noise),
-            _three("--lever-arm", model.lever_arm, 50.0), _time(form.time), model.rate, not model.as_given,
-            _epochs(folder, exposures.events),
+            folder / imu, folder / positions, form_of(form), _noise(model.noise),
+            three_numbers("--lever-arm", model.lever_arm, 50.0), _time(form.time), model.rate, not model.as_given,
+            _epochs(folder, exposures.events), model.forward,
         )  # fmt: skip
         target = folder / (output or Path(f"{imu.name.split('.')[0] or imu.name}.sbet"))
         deviations = target.with_suffix(".smrmsg")
@@ -125,6 +122,8 @@ def register(app: typer.Typer) -> None:
             for path, data in ((deviations, result.smrmsg), (target, result.sbet)):
                 write_output(path, data)
         _tell(invocation, result, target, dry_run=dry_run, has_events=files.events is not None)
+
+    register_noise(group)
 
 
 def _epochs(folder: Path, name: Path | None) -> Epochs | None:
@@ -164,46 +163,15 @@ def _write_stations(
     invocation.terminal.point("stations", f"{count} {would}written to {base}.STA, their differences to {base}.REL")
 
 
-def _form(options: FormOptions) -> ImuForm:
-    from orip.stations.inertial.files import COLUMNS, FORCE_UNITS, RATE_UNITS, ImuForm
-
-    names = () if options.columns is None else tuple(word.strip() for word in options.columns.split(","))
-    if names and (set(names) - {*COLUMNS, "-"} or any(names.count(name) != 1 for name in COLUMNS)):
-        message = f"--columns {options.columns}: write each of {','.join(COLUMNS)} once, and - for what is not used"
-        raise UsageError(message)
-    for option, unit, known in (
-        ("--force-unit", options.force_unit, FORCE_UNITS), ("--rate-unit", options.rate_unit, RATE_UNITS),
-    ):  # fmt: skip
-        if unit not in known:
-            message = f"{option} {unit}: write one of {', '.join(known)}"
-            raise UsageError(message)
-    mount = _three("--mount", options.mount, 360.0)
-    return ImuForm(names, options.force_unit, options.rate_unit, mount, options.shift)
-
-
-def _three(option: str, text: str, most: float) -> tuple[float, float, float]:
-    numbers = _numbers(text)
-    if len(numbers) != 3 or not np.all(np.abs(numbers) <= most):
-        message = f"{option} {text}: write three numbers from {-most:g} to {most:g}, such as 0.1,0,-0.3"
-        raise UsageError(message)
-    return numbers[0], numbers[1], numbers[2]
-
-
-def _numbers(text: str) -> list[float]:
-    from orip.files.text.decimal_numbers import is_number, parse_number
-
-    return [parse_number(part) if is_number(part) else np.nan for part in text.split(",")]
-
-
 def _noise(text: str) -> ImuNoise:
     from orip.stations.inertial.processing import NOISES
     from orip.stations.inertial.samples import ImuNoise
 
     if text in NOISES:
         return NOISES[text]
-    numbers = _numbers(text)
+    numbers = numbers_of(text)
     if len(numbers) != 6 or not np.all(np.array(numbers) > 0.0):
-        message = f"--noise {text}: write one of {', '.join(NOISES)}, or six numbers above 0 (orip imu --help)"
+        message = f"--noise {text}: write one of {', '.join(NOISES)}, or six numbers above 0 (orip imu smooth --help)"
         raise UsageError(message)
     return ImuNoise(*numbers)
 
@@ -235,16 +203,37 @@ def _lines(result: ImuResult) -> Iterator[tuple[str, str]]:
     states = result.trajectory
     seconds = float(result.time[-1] - result.time[0])
     yield "imu", f"{seconds:.1f} s, {len(states.residual)} positions, times of the samples: {result.time_system}"
-    course = np.degrees(states.alignment.deviation)
-    yield "aligned", f"by velocity changes of {states.alignment.change:.1f} m/s; course to about {course:.1f} degrees"
+    course, change = np.degrees(states.alignment.deviation), states.alignment.change
+    way = f"by velocity changes of {change:.1f} m/s" if np.isfinite(change) else "by gyrocompass, standing"
+    yield "aligned", f"{way}; course to about {course:.1f} degrees"
+    if states.standing:
+        yield "standing", f"{states.standing} states stand: zero velocity is observed there"
     rms = 1000.0 * np.sqrt(np.mean(states.residual**2, axis=0))
-    yield "residuals", f"{rms[0]:.0f}, {rms[1]:.0f}, {rms[2]:.0f} mm RMS of the positions (east, north, up)"
+    yield "residual", f"{rms[0]:.0f}, {rms[1]:.0f}, {rms[2]:.0f} mm RMS of the positions (east, north, up)"
     factors = states.factors
     others = f"of positions {factors.position:.2f}, of velocities {factors.velocity:.2f}"
     yield "noise", f"of the unit {factors.unit:.2f} times what was given, {others}"
+    tested = result.tested[np.isfinite(result.tested)]
+    if len(tested):
+        ratio = float(np.sqrt(np.mean(tested) / 3.0))
+        yield "test", f"{len(tested)} positions differ from those predicted by {ratio:.2f} standard deviations"
+    if result.is_forward:
+        yield from _forward_lines(result)
     yield "sd", f"{_ranges(1000.0 * result.place_deviation, 1)} mm (east, north, up; median and largest)"
     angles = np.degrees(result.angle_deviation)
     yield "", f"{_ranges(angles, 4)} degrees (roll, pitch, heading; median and largest)"
+
+
+def _forward_lines(result: ImuResult) -> Iterator[tuple[str, str]]:
+    """Say how the filter differs from the smoother, and by what it should."""
+    found = result.against_smoother()
+    yield (
+        "filter",
+        f"from the smoother {1000.0 * found.place:.0f} mm and {np.degrees(found.attitude):.4f} degrees (RMS)",
+    )
+    yield "", f"{found.place_ratio:.2f} and {found.attitude_ratio:.2f} times what the standard deviations of both say"
+    smoothed = np.degrees(found.smoothed_attitude)
+    yield "", f"sd of the smoother {1000.0 * found.smoothed_place:.0f} mm and {smoothed:.4f} degrees"
 
 
 def _ranges(values: FloatArray, decimals: int) -> str:
@@ -256,7 +245,7 @@ def _document(result: ImuResult, target: Path, *, dry_run: bool) -> dict[str, ob
     states = result.trajectory
     factors = states.factors
     return {
-        "command": "imu",
+        "command": "imu smooth",
         "files": [target.name, target.with_suffix(".smrmsg").name],
         "dry_run": dry_run,
         "time_system": result.time_system,
@@ -266,6 +255,9 @@ def _document(result: ImuResult, target: Path, *, dry_run: bool) -> dict[str, ob
         "residual_rms": np.sqrt(np.mean(states.residual**2, axis=0)).tolist(),
         "factors": {"unit": factors.unit, "position": factors.position, "velocity": factors.velocity},
         "place_sd": np.median(result.place_deviation, axis=0).tolist(),
+        "forward": result.is_forward,
+        "standing": states.standing,
+        "innovations": None if np.isnan(result.tested).all() else float(np.sqrt(np.nanmean(result.tested) / 3.0)),
         "angle_sd": np.median(result.angle_deviation, axis=0).tolist(),
         "gyro_bias": states.gyro_bias[-1].tolist(),
         "accelerometer_bias": states.accelerometer_bias[-1].tolist(),

@@ -295,7 +295,7 @@ def stations_in_project(
     per_unit = 1.0
     covariance = np.where(np.isnan(exposures.covariance), np.diag(np.square(position_error)), exposures.covariance)
     if exposures.is_geographic:
-        frame = _frame(place, crs, ground_unit)
+        frame = project_frame(place, crs, ground_unit)
         warnings = frame.warnings
         place = frame.crs.from_geographic(place)
         to_grid = frame.grid_axes_at(place)
@@ -330,7 +330,8 @@ def _with_joint_covariance(station: Station, to_grid: FloatArray, joint: FloatAr
     )
 
 
-def _frame(place: FloatArray, crs: str | None, ground_unit: str) -> GroundFrame:
+def project_frame(place: FloatArray, crs: str | None, ground_unit: str) -> GroundFrame:
+    """Return the frame of the project around geographic places (n, 3); raises InputError without a crs."""
     known = place[np.isfinite(place).all(axis=1)]
     if crs is None:
         message = (

@@ -92,7 +92,8 @@ def _tasks(project: ProjectFolder) -> Iterator[_Task]:
     stations = project.folder / f"{project.definition.control_files}.STA"
     solution = solution_of_project(project)
     if gnss is not None:
-        files = [project.folder / name for name in (gnss.rover, gnss.base, *gnss.orbits)]
+        names = (gnss.rover, gnss.base, *gnss.orbits, *([gnss.antex] if gnss.antex else []))
+        files = [project.folder / name for name in names]
         yield _Task("orip gnss", tuple(files), gnss, solution)
     last = imu or gnss
     if last is None or not last.events:
@@ -128,11 +129,12 @@ def _positions(project: ProjectFolder, task: _Task, settings: GnssSettings) -> P
     from orip.stations.gnss.processing import GnssFiles, process_gnss
     from orip.stations.own_outputs import require_solution
 
-    rover, base, *orbits = task.files
+    rover, base, *orbits = task.files[: len(settings.orbits) + 2]
     require_solution(task.output, task.files)
     files = GnssFiles(
         rover, base, tuple(orbits), settings.way, settings.base_place, settings.rover_height, settings.base_height,
         settings.elevation, settings.systems, settings.frequencies,
+        project.folder / settings.antex if settings.antex else None, settings.rover_antenna, settings.base_antenna,
     )  # fmt: skip
     result = process_gnss(files)
     write_output(task.output, f"{result.text}% {_MARK} {_digest(task)}\n")

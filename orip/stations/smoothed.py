@@ -18,8 +18,9 @@ from orip.records.epochs import Epochs, epochs
 from orip.records.names import record_key
 from orip.stations.exposures import Sources, find_exposures
 from orip.stations.imported import ImportedStations, ImportSettings, known_photos, written_stations
+from orip.stations.inertial.dense import ImuResult
 from orip.stations.inertial.differences import independent_poses
-from orip.stations.inertial.processing import ImuResult, event_times
+from orip.stations.inertial.processing import event_times
 from orip.stations.interpolation import Exposures, stations_in_project
 from orip.structs import replace
 from orip.units import METRES_PER_GROUND_UNIT

@@ -21,6 +21,7 @@ SAMPLES: Mapping[str, str] = {
     "zurich_city_hall": "15 terrestrial photos of a building, control and check points: data that do not fit",
     "dcs260_calibration": "5 photos of a grid plate: calibration of a camera",
     "drone_rtk": "60 photos of a drone with RTK, simulated: one bad fix, one shifted strip",
+    "rendered_hill": "4 rendered photos of a hill, three stereo models: measured in the browser, up to a contour",
     "small_frame_block": "12 hand-held photos of a cliff, simulated: from film to drive table, with two blunders",
 }
 """Name and description."""

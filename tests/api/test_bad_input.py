@@ -43,6 +43,15 @@ def direction(**changes: Any) -> dict[str, Any]:
     return {"directions": orip.Directions(**{**given, **changes})}
 
 
+def covariance(given: Any, **changes: Any) -> dict[str, Any]:
+    return control(error=None, covariance=given, **changes)
+
+
+def given_direction(**changes: Any) -> dict[str, Any]:
+    given = {"name": ["G"], "start": ["A"], "end": ["B"], "direction": [[0.0, 0.0, 1.0]], "error": 0.1}
+    return {"given_directions": orip.GivenDirections(**{**given, **changes})}
+
+
 def element(**changes: Any) -> dict[str, Any]:
     given = {"name": ["1"], "group": "PHOTO", "kind": ["Z0"], "value": [5.0], "error": 0.1}
     return {"elements": orip.Elements(**{**given, **changes})}
@@ -103,6 +112,18 @@ WRONG: list[tuple[dict[str, Any], str]] = [
         "control_points.error[0, 1]: the error of Y is NaN but its coordinate is",
     ),
     (control(coordinates=[[NAN] * 3, GROUND[1]]), "control_points[0]: point 'A' has no coordinate at all"),
+    (control(error=None), "control_points: has both or none of error and covariance"),
+    (control(covariance=np.eye(6)), "control_points: has both or none of error and covariance"),
+    (covariance(np.eye(5)), "control_points.covariance: has the shape (5, 5); (2, 3, 3) or (6, 6) is needed"),
+    (covariance("x"), "control_points.covariance: is no array of numbers"),
+    (covariance(np.eye(6) - 1.0), "control_points.covariance[0, 0]: has to be finite, and above 0"),
+    (covariance(np.eye(6) + np.eye(6, k=1)), "control_points.covariance: is not symmetric"),
+    (covariance(2.0 * np.ones((6, 6))), "control_points.covariance: is not positive definite"),
+    (covariance(np.eye(6), coordinates=np.full((2, 3), NAN)), "control_points.covariance: needs all coordinates"),
+    (given_direction(direction=[[0.0, 0.0, 0.0]]), "given_directions.direction[0, 0]: direction 'G' has no length"),
+    (given_direction(end=["A"]), "given_directions.end[0]: direction 'G' goes from 'A' to itself"),
+    (given_direction(error=0.0), "given_directions.error[0]: an a-priori error of 0"),
+    (given_direction(direction=[1.0]), "given_directions.direction"),
     (distance(distance=[-5.0]), "distances.distance[0]: distance 'L' of code XYZ is -5.0; write a length above 0"),
     (distance(error=NAN), "distances.error[0]: 'nan' is not allowed"),
     (direction(error=0.0), "directions.error[0]: an a-priori error of 0 is not possible for a direction"),

@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 from api.arrays import arrays_of
 from bundle.aerial_block import aerial_block
-from bundle.solving import noisy, solution
+from bundle.figure_blocks import figure_block
+from bundle.solving import noisy, redefined, solution
 from scipy.spatial.transform import Rotation
 from support.synthetic_block import synthetic_block
 
 import orip
+from orip.records.block import Block
+from orip.records.control import PointCorrelation
 from orip.structs import replace
 
 PRINCIPAL_DISTANCE, BASE, HEIGHT, PRECISION = 150.0, 600.0, 1000.0, 0.004
@@ -169,6 +172,80 @@ def test_distances_directions_elements_and_starting_values() -> None:
     # the reading is the azimuth, and a single one fixes R: it has the reading's error, and those of the points
     assert 0.01 * min(1.0, found.sigma0) <= zero_direction.sd < 1.0
     assert abs((zero_direction.value + 180.0) % 360.0 - 180.0) < 4.0 * zero_direction.sd
+
+
+def _in_arrays(table: type[Any], records: Any, **columns: str) -> Any:
+    """Return a table of the API from records: its columns by the names that these have in records."""
+    return table(**{column: [getattr(one, name) for one in records] for column, name in columns.items()})
+
+
+def test_points_on_figures_are_those_of_the_block_of_records() -> None:
+    made = figure_block(1, max_iterations=30, start_down_weight=30).block
+    figures = _in_arrays(orip.Figures, made.figure_points, figure="figure", kind="kind", point="point", error="error")
+    found = orip.Block(**arrays_of(made), figures=figures, max_iterations=30, start_down_weight=30).adjust()
+    expected = solution(made)
+    assert found.sigma0 == pytest.approx(expected.sigma0, rel=1e-6)
+    for own, other in zip(found.figures, expected.figures, strict=True):
+        assert (own.name, own.kind, own.points) == (other.name, other.kind, other.points)
+        assert own.sd_place == pytest.approx(other.sd_place, rel=1e-4)
+
+
+def test_given_directions_are_observed() -> None:
+    made = noisy(synthetic_block("convergent", "api", noise_mm=0.005), 2)
+    names, truth = made.point_names, made.point_start
+    lines = orip.GivenDirections(["G"], [names[1]], [names[3]], [2.0 * (truth[3] - truth[1])], 0.5)
+    found = orip.Block(**arrays_of(made), given_directions=lines).adjust()
+    rows = np.flatnonzero(found.residuals.kind == "given direction")
+    assert [found.residuals.component[row] for row in rows] == ["side", "up"]
+    assert set(found.residuals.photo[rows]) == {"G"}
+    assert np.abs(found.residuals.residual[rows]).max() < 2.0
+
+
+def test_covariances_of_control_are_those_of_records() -> None:
+    made = noisy(synthetic_block("convergent", "api", noise_mm=0.005), 2)
+    held = [point for point in made.control_points if all(error and error > 0.0 for error in point.errors)]
+    made = replace(made, control_points=tuple(held))
+    random = np.random.default_rng(8)
+    errors = np.array([point.errors for point in held]).ravel()
+    mixed = random.normal(size=(len(errors), 4 * len(errors)))
+    correlations = mixed @ mixed.T
+    correlations /= np.sqrt(np.outer(np.diag(correlations), np.diag(correlations)))
+    covariance = correlations * np.outer(errors, errors)
+    given = arrays_of(made)
+    given["control_points"] = orip.ControlPoints(
+        given["control_points"].name, given["control_points"].coordinates, covariance=covariance
+    )
+    found = orip.Block(**given, max_iterations=30, start_down_weight=30).adjust()
+    whole = correlated_block(made, correlations)
+    expected = solution(redefined(whole, max_iterations=30, start_down_weight=30))
+    assert found.sigma0 == pytest.approx(expected.sigma0, rel=1e-6)
+    place = {name: row for row, name in enumerate(expected.points.names)}
+    rows = [place[name] for name in found.points.names]
+    assert np.allclose(found.points.coordinates, expected.points.values[rows], atol=1e-5)
+    # each point's own
+    blocks = covariance.reshape(len(held), 3, len(held), 3)[np.arange(len(held)), :, np.arange(len(held))]
+    given["control_points"] = replace(given["control_points"], covariance=blocks)
+    own = orip.Block(**given).adjust()
+    assert own.sigma0 != pytest.approx(found.sigma0, rel=1e-9)
+
+
+def correlated_block(block: Block, correlations: np.ndarray) -> Block:
+    """Return a block whose control points have coefficients of correlation (3 n, 3 n)."""
+    points = block.control_points
+
+    def part(one: int, other: int) -> np.ndarray:
+        return correlations[3 * one : 3 * one + 3, 3 * other : 3 * other + 3]
+
+    pairs = [
+        PointCorrelation(points[a].name, points[b].name, tuple(map(tuple, part(a, b).tolist())))
+        for a in range(len(points))
+        for b in range(a + 1, len(points))
+    ]
+    own = tuple(
+        replace(point, correlations=(part(row, row)[0, 1], part(row, row)[0, 2], part(row, row)[1, 2]))
+        for row, point in enumerate(points)
+    )
+    return replace(block, control_points=own, control_correlations=tuple(pairs))
 
 
 def test_a_block_that_cannot_be_solved_says_why() -> None:

@@ -184,6 +184,40 @@ def test_the_model_changes_while_the_mark_crosses_the_block(page: Page) -> None:
     assert not page.errors()
 
 
+def test_profile_and_contour_by_keys_and_buttons(page: Page) -> None:
+    page.go(12.0, 6.0)
+    page.js("at('code').value = 'PROF'; at('spacing').value = 3")
+    page.keys("b")
+    page.go(24.0, 10.0)
+    page.keys("e")
+    page.browser.find_element("id", "begin").click()
+    page.wait(lambda: page.text("answer") == "profile PROF 1: 6 places ahead")
+    page.js("picture.focus()")
+    page.keys("s")
+    page.wait(lambda: page.text("answer") == "at 1: look, correct, record")
+    page.keys(Keys.ENTER)
+    page.wait(lambda: "recorded LINE PROF 1, vertex 1" in page.text("answer"))
+    page.keys("r")
+    page.wait(lambda: page.text("answer").endswith("vertex 6; all is done"))
+    page.keys("c")
+    page.wait(lambda: "closed LINE PROF 1" in page.text("answer"))
+    Select(page.browser.find_element("id", "course")).select_by_value("CONTOUR")
+    page.go(26.4, 13.9, 13.5)
+    page.js("at('height').value = 13.5; at('code').value = 'CONT'; at('snap').value = 3")
+    page.browser.find_element("id", "begin").click()
+    page.wait(lambda: page.text("answer") == "contour CONT 2")
+    page.browser.find_element("id", "run").click()
+    page.wait(lambda: page.js("return state.open") and "CONT" in page.js("return state.open"))
+    page.js("picture.focus()")
+    page.keys(Keys.ESCAPE)
+    page.wait(lambda: page.browser.find_element("id", "run").text == "Run")
+    page.js("scale = 2; draw()")
+    look_at(page, "contour")
+    for line in page.file.read_text().split("CONT 2")[1].strip().splitlines():
+        assert len(line.split()) == 6
+    assert not page.errors()
+
+
 def test_markup_in_names_stays_a_name(page: Page) -> None:
     page.js("at('name').value = '<img/src=x/onerror=document.title=1>'; picture.focus()")
     page.keys(Keys.ENTER)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from msgspec import Struct
@@ -66,7 +66,8 @@ EVERY = (line(), plane(), cylinder(), level())
 
 def figure_block(
     run: int, figures: tuple[Figure, ...] = EVERY, *, noise: bool = True, error: float = FIGURE_ERROR,
-    wrong: Mapping[str, tuple[int, float]] | None = None, **settings: object,
+    wrong: Mapping[str, tuple[int, float]] | None = None,
+    moved: Callable[[np.ndarray], np.ndarray] = lambda points: points, **settings: object,
 ) -> SyntheticBlock:  # fmt: skip
     """Return a block of eight convergent photos with normal errors of all observations, and the truth.
 
@@ -80,24 +81,27 @@ def figure_block(
         Standard deviation of points from their figures, and its a-priori error.
     wrong : mapping
         By name of a figure the number of a distance of its points, and by how much more that is off.
+    moved : callable
+        Where the 24 points that are on no figure are, from what they are else.
     settings
         Of the bundle adjustment.
     """
     random = np.random.default_rng([9, run])
-    tie = np.random.default_rng(4).uniform([-8.0, -6.0, -1.0], [8.0, 6.0, 3.0], (24, 3))
+    random_tie = np.random.default_rng(4).uniform([-8.0, -6.0, -1.0], [8.0, 6.0, 3.0], (24, 3))
+    tie = moved(random_tie)
     off = []
     for figure in figures:
         distances = error * random.normal(size=figure.across.shape[:2]) * noise
         number, size = (wrong or {}).get(figure.name, (0, 0.0))
         distances.ravel()[number] += size
         off.append(np.einsum("nk,nki->ni", distances, figure.across))
-    points = np.vstack([tie, *(figure.points + moved for figure, moved in zip(figures, off, strict=True))])
+    points = np.vstack([tie, *(figure.points + apart for figure, apart in zip(figures, off, strict=True))])
     names = [f"N{number}" for number in range(len(tie))]
     names += [f"{figure.name[0]}{number}" for figure in figures for number in range(len(figure.points))]
     orientations = _orientations()
     xy, _ = _images(points, orientations)
     # so that blocks with other errors have the same photo points
-    _, seen = _images(np.vstack([tie, *(figure.points for figure in figures)]), orientations)
+    _, seen = _images(np.vstack([random_tie, *(figure.points for figure in figures)]), orientations)
     photo, point = np.nonzero(seen)
     measured = xy[photo, point] + PHOTO_ERROR_MM * random.normal(size=(len(photo), 2)) * noise
     given = tie + CONTROL_ERROR * random.normal(size=tie.shape) * noise

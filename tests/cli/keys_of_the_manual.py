@@ -92,14 +92,15 @@ CAMERA = (
     *(
         Key(
             "1.4.1.3", key,
-            f"camera add CURVE c=35 distortion_curve={_CURVE}; camera edit CURVE distortion_curve={points}",
+            f"camera add CURVE c=35 distortion_curve={_CURVE}; camera edit CURVE distortion_curve{change}",
             "camera show CURVE", {"distortion_curve": json.loads(points) if points else None},
         )
-        for key, points in (
-            ("Insert Point", _CURVE.replace("[8,", "[6,0.013],[8,")),
-            ("Add Point", _CURVE.replace("]]", "],[18,0.06]]")),
-            ("Edit Point", _CURVE.replace("0.018", "0.019")), ("Kill Point", _CURVE.replace("[8,0.018],", "")),
-            ("Kill All", ""),
+        for key, change, points in (
+            ("Insert Point", ".6.5=0.013", _CURVE.replace("[8,", "[6.5,0.013],[8,")),
+            ("Add Point", ".18=0.06", _CURVE.replace("]]", "],[18,0.06]]")),
+            ("Edit Point", ".8=0.019", _CURVE.replace("0.018", "0.019")),
+            ("Kill Point", ".8=", _CURVE.replace("[8,0.018],", "")),
+            ("Kill All", "=", ""),
         )
     ),
 )  # fmt: skip

@@ -64,9 +64,9 @@ def test_documents_are_as_their_schemas_say(documents: list[dict[str, Any]]) -> 
     assert all(name == identifier(name[5:].partition("/")[0]) for name in names)
     # these start a server, read stdin, change the folder or need a second bundle: the tests of the commands have them
     elsewhere: set[SchemaName] = {
-        "detect", "digitise-ground", "drive-emulate", "drive-watch", "gnss", "import", "imu", "match",
-        "online-demo", "online-reconsidered", "restitute-compute", "restitute-export", "restitute-show", "results",
-        "screen",
+        "detect", "digitise-ground", "drive-emulate", "drive-watch", "gnss", "gnss-network", "import", "imu",
+        "imu-noise", "match", "online-demo", "online-reconsidered", "restitute-compute", "restitute-export",
+        "restitute-show", "results", "screen",
         "archive-diff", "archive-report", "archive-run", "archive-simulate", "archive-status",
         "plan", "plan-clock", "plan-compare", "plan-export", "plan-flown", "plan-follow", "plan-forecast", "plan-place",
         "plan-show",

@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 from exchange.colmap_samples import genuine, small_model, written
 
-from orip.exchange.colmap.binary import cameras_from_bytes, images_from_bytes, points_from_bytes, rigs_from_bytes
+from orip.exchange.colmap.binary import cameras_from_bytes, images_from_bytes, points_from_bytes
 from orip.exchange.colmap.model import CAMERA_MODELS, MODEL_NAMES, ColmapCamera, ColmapModel
 from orip.exchange.colmap.reader import Form, is_model, project_of_model, read_folder, read_model
+from orip.exchange.colmap.rig_files import frames_from_bytes, frames_from_text, rigs_from_bytes, rigs_from_text
 from orip.exchange.colmap.text import cameras_from_text, images_from_text, points_from_text
 from orip.exchange.colmap.writer import new_model, updated_model, write_model
 from orip.exchange.formats import guessed_format
@@ -255,6 +256,8 @@ def test_a_database_without_priors_or_of_another_kind(tmp_path: Path) -> None:
         ),
         (points_from_bytes, struct.pack("<QQ3d3BdQ", 1, 1, 0, 0, 0, 0, 0, 0, 0, 9), r"announces 9 rays of a point"),
         (rigs_from_bytes, struct.pack("<QIIiI", 1, 1, 3, 0, 1), r"within a sensor of a rig"),
+        (rigs_from_bytes, struct.pack("<QIIiIiIB", 1, 1, 2, 0, 1, 0, 2, 1), r"within the pose of a sensor"),
+        (frames_from_bytes, struct.pack("<QII7dI", 1, 1, 1, *[1.0] * 7, 1), r"within a datum of a frame"),
     ],
 )
 def test_a_damaged_binary_file_is_complained_of_with_the_byte(read_bytes, data: bytes, message: str) -> None:
@@ -280,6 +283,10 @@ def test_a_damaged_binary_file_is_complained_of_with_the_byte(read_bytes, data: 
         (images_from_text, "1 1 0 0 0 0 0 0 1 a.jpg\n1 2", 2, "write COLUMN ROW POINT"),
         (images_from_text, "1 1 0 0 0 0 0 0 1 a.jpg\n1 2 -1 1 x -1", 2, "x is not a number"),
         (images_from_text, "1 1 0 0 0 0 0 0 1 a.jpg\n1 2 0.5", 2, "0.5 is not a whole number"),
+        (rigs_from_text, "1 2 CAMERA 1 CAMERA 2 1 1 0 0 0 0 0", 1, "TYPE SENSOR 1 and a pose"),
+        (rigs_from_text, "1 3 CAMERA 1 CAMERA 2 0", 1, "TYPE SENSOR 1 and a pose"),
+        (frames_from_text, "1 1 1 0 0 0 0 0 0 1 CAMERA 1", 1, "TYPE SENSOR IMAGE repeated"),
+        (frames_from_text, "1 1 1 0 0 0 0 0 x 1 CAMERA 1 1", 1, "TYPE SENSOR IMAGE repeated"),
         (points_from_text, "1 0 0 0 1 2 3 0.5 1", 1, "this line has 9 fields"),
         (points_from_text, "1 0 0 0 1 2 3 0.5\n2 0 0 z 1 2 3 0.5 1 1", 2, "z is not a number"),
         (points_from_text, "1 0 0 0 1 2 300 0.5", 1, "colours"),

@@ -77,6 +77,7 @@ _OTHERS = {
     DRIVABLE: (
         "update cameras", "drive table", "drive download --link {}",
         "digitise ground 1103 --model 1-1 --to PRE --link {} --simulate DAY1.MEA",
+        "digitise features LINE:RIDGE --link {} --script collected.txt",
         "restitute compute STEREO.STE", "restitute export dxf map.dxf",
     ),
     JOINED: (
@@ -126,7 +127,7 @@ OF_ARCHIVES = frozenset({"archive run", "archive report", "archive simulate"})
 """Write in many projects, or in a folder of results; killed in tests/archive/test_killed_archives.py."""
 
 
-WHOLE_TEXTS = frozenset({"match", "detect tags", "detect sheet", "gnss", "imu"})
+WHOLE_TEXTS = frozenset({"match", "detect tags", "detect sheet", "gnss positions", "gnss network", "imu smooth"})
 """Compute for long and write whole files in the end, as others do that are killed: `orip.files.text.atomic`; what
 `match` keeps for its next run is tested with it."""
 

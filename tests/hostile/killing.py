@@ -158,6 +158,7 @@ def prepared(folder: Path) -> Iterator[list[Case]]:
     (folder / DRIVABLE / "STEREO.STE").write_text("POINT ROCK 1\n  101 0 0 102 -13.2 0\n", encoding="utf-8")
     _done(folder / DRIVABLE, "restitute", "compute", "STEREO.STE")
     (folder / DRIVABLE / "STEREO.STE").write_text("POINT ROCK 2\n  101 1 0 102 -12.2 0\n", encoding="utf-8")
+    (folder / DRIVABLE / "collected.txt").write_text("FOOT RIGHT\nMOVE 1 0\nFOOT RIGHT\nKEY ZERO\n", encoding="utf-8")
     for name in ("MAIN.DRV", "report.html"):
         (folder / DRIVABLE / name).unlink()
     with emulator(folder / OPERATED) as url:

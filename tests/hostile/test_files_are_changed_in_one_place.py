@@ -47,6 +47,8 @@ ALLOWED = {
     ("archive/cluster/worker_tasks.py", "os.open"): "for reading",
     ("set_aside.py", "tempfile.TemporaryFile"): "a file without a name",
     ("set_aside.py", "tofile"): "into the file without a name",
+    ("stations/gnss/raw_files.py", "tempfile.TemporaryDirectory"): "in the system's folder for temporary files",
+    ("stations/gnss/raw_files.py", "write_bytes"): "in the system's folder for temporary files",
     ("stations/gnss/rtklib.py", "tempfile.TemporaryDirectory"): "in the system's folder for temporary files",
     ("stations/gnss/rtklib.py", "write_bytes"): "in the system's folder for temporary files",
     ("stations/gnss/rtklib.py", "write_text"): "in the system's folder for temporary files",

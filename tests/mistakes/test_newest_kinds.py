@@ -59,7 +59,7 @@ def heights_of_two(project: advice.Project) -> None:
 
 SAID: dict[str, tuple[Making, tuple[str, ...]]] = {
     "control in millimetres": (changed("control", lambda xyz: 1000.0 * xyz), ("multiplied by 0.001", "millimetres")),
-    "positions in millimetres": (changed("positions", lambda xyz: 1000.0 * xyz), ("multiplied by 1000",)),
+    "positions in centimetres": (changed("positions", lambda xyz: 100.0 * xyz), ("multiplied by 100", "centimetres")),
     "control in Gauss-Krüger": (
         changed("control", converted("EPSG:31467")), ("Gauss-Krüger coordinates of zone 3", "UTM", "convert")),
     "positions in Gauss-Krüger": (

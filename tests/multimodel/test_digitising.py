@@ -47,6 +47,14 @@ def test_from_the_strip_beside_a_point_is_transferred_in_two_steps():
     ]
 
 
+def test_a_side_lap_is_between_strips():
+    transfer = steps(Turn("7", ("201", "202"), "2-1"), ["101"])
+    assert [BLOCK.is_side_lap(step) for step in transfer] == [True, False]
+    assert not BLOCK.is_side_lap(DigitisingStep(("101", "102"), None, "1-1"))
+    # a photo in no model is in no strip
+    assert not BLOCK.is_side_lap(DigitisingStep(("201",), "900", "2-1"))
+
+
 def test_the_nearest_photo_of_the_strip_beside_is_the_partner():
     assert steps(Turn("7", ("201",), "2-1"), ["104", "102"]) == [DigitisingStep(("201",), "102", "2-1")]
 

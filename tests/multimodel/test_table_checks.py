@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from cli.command_line import orip
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.drive_tables import LEVEL, LIMITS, cameras, parameter_set, vertical_block
@@ -155,3 +156,14 @@ def test_any_numbers_are_either_refused_or_can_be_driven_with(
         found = load(table)
         if not isinstance(found, Loaded):
             assert all(np.isfinite(fault.code) and fault.text for fault in found)
+
+
+def test_a_camera_with_a_readout_is_driven_to_its_middle_row_as_a_warning_says(tmp_path):
+    assert orip(tmp_path, "init", "--sample", "drone_rtk", "drone").code == 0
+    folder = tmp_path / "drone"
+    text = (folder / "orip.toml").read_text(encoding="utf-8")
+    (folder / "orip.toml").write_text(text.replace("\nc = ", "\nreadout = 0.02\nc = ", 1), encoding="utf-8")
+    assert orip(folder, "run").code == 0
+    said = " ".join(orip(folder, "drive", "table").told.split())
+    assert "camera ZENMUSE: has a readout of 0.02 s, which a drive table does not hold" in said
+    assert "px at most" in said

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from cli.command_line import orip
 from support.online_answers import last_answer
@@ -82,6 +83,22 @@ def test_the_state_is_that_of_an_adjustment_without_it_and_with_it(tmp_path: Pat
     assert asked.session.measuring.block is block, "it has begun again"
 
 
+def test_covariances_between_points_are_left_to_the_adjustment(tmp_path: Path) -> None:
+    """Each point has its own; those with other points count in `solve` alone."""
+    own = "1 1 4e-4 1e-4 0 1e-4 4e-4 0 0 0 9e-4\n"
+    figures = {}
+    for name, text in (("own", own), ("both", f"{own}1 2 1e-4 0 0 0 1e-4 0 0 0 1e-4\n")):
+        made = project(tmp_path / name)
+        (made / "FIRST.COV").write_text(text, encoding="utf-8")
+        figures[name] = adjusted(made)
+    asked = Asked(tmp_path / "both")
+    agree(asked.figures(), figures["own"])
+    assert figures["own"] != figures["both"]
+    assert asked(do="solve")["status"] == "converged"
+    points = json.loads((tmp_path / "both" / "result.json").read_text(encoding="utf-8"))["points"]
+    assert points["P1"]["Z"]["sd"] == pytest.approx(figures["both"]["P1"][5], rel=1e-6)
+
+
 def test_what_is_not_observed_is_said(tmp_path: Path) -> None:
     adjusted(project(tmp_path / "session"))
     asked = Asked(tmp_path / "session")
@@ -90,6 +107,26 @@ def test_what_is_not_observed_is_said(tmp_path: Path) -> None:
         in asked(do="exclude", observation="control point 99")["error"]
     )
     assert "does not have" in asked(do="exclude", observation="control point 2", photo="left")["error"]
+
+
+def test_out_and_in_again_leaves_the_triangle_of_all_equations() -> None:
+    """To 1e-8 standard deviations: each step loses digits by the redundancy of what it takes out alone."""
+    session = simulated_session(2, 4, 0)
+    measuring = Measuring(OnlineBlock(session.inputs))
+    for one in session.measurements:
+        last_answer(measuring, one)
+    equations = measuring.block.equations
+    built = equations.rebuilt
+    given = [key for key in equations.included if key.kind == "control"]
+    for key in given:
+        measuring.leave_out(key)
+        measuring.take_in(key)
+    assert set(given) <= equations.included.keys()
+    found = equations.triangle.solution()
+    if equations.rebuilt == built:
+        equations.rebuild()
+    sd = np.sqrt(np.diagonal(equations.triangle.cofactors()))
+    assert np.abs(found - equations.triangle.solution()).max() <= 1e-8 * sd.min()
 
 
 def test_what_is_left_out_stays_out_where_the_session_begins_again() -> None:

@@ -29,6 +29,7 @@ from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns
 from orip.geometry.equidistant import equidistant_with_partials
 from orip.geometry.essential import TwoPhotos, relative_poses_with_partials
 from orip.geometry.ground_frame import GroundFrame, ground_frame
+from orip.geometry.height_grid import _weights
 from orip.geometry.perspective import perspective_with_partials
 from orip.geometry.projection import projected_with_partials
 from orip.geometry.rig import photos_with_partials
@@ -70,7 +71,7 @@ from orip.records.control import (
     StationDifference,
 )
 from orip.records.definition import ANTENNA_PARAMETERS, Antenna
-from orip.records.ground import PLAIN
+from orip.records.ground import PLAIN, HeightGrid, Terrain, TerrainHeight, TerrainModel
 from orip.records.rig import Mounting, Rig, RigExposure, Rigs
 from orip.structs import replace
 
@@ -113,7 +114,7 @@ class Case(Struct, frozen=True):
 def all_cases() -> list[Case]:
     return [
         *_perspective(), *_equidistant(), *_moving(), *_distortion(), *_additional(), *_ground_frame(),
-        *_plain_ground(),
+        *_plain_ground(), *_height_grid(),
         *_similarity(), *_image_residuals(), *_image_equation(), *_bases(), *_rates(),
         *_rotation_vectors(), *_shown_rotations(),
         *_relative_poses(), *_rig_photos(),
@@ -324,6 +325,15 @@ def _plain_ground() -> Iterator[Case]:
             ).value - value,
             _block_diagonal(found.by_local.reshape(-1, 3, 3)), 10.0,
         )  # fmt: skip
+
+
+def _height_grid() -> Iterator[Case]:
+    at, size = np.array([-0.3, 0.2, 1.7, 20.4, 45.6, 46.9, 47.4]), 48
+    _, found, by_place = _weights(at, size)
+    yield Case(
+        full_name(_weights), "cubic", at, lambda x: (_weights(x, size)[1] - found).ravel(),
+        _block_diagonal(by_place[:, :, None]), 0.01,
+    )  # fmt: skip
 
 
 def _similarity() -> Iterator[Case]:
@@ -591,6 +601,7 @@ def _in_a_crs(block: Block) -> Block:
     return replace(
         block,
         ground=_frame(),
+        terrains=(_rolling_terrain(410_000.0, 5_320_000.0),),
         photos=tuple(replace(photo, constant=at_rest.get(photo.name, ())) for photo in block.photos),
         constant_points=np.broadcast_to(stations[:, None], (len(stations), 3)),
         # a short arm moves coordinates on a map grid by little more than they are rounded to
@@ -731,9 +742,23 @@ def _with_everything(block: Block) -> Block:
             for number in (1, 2)
             for name in block.point_names[number : number + 14 : 2]
         ),
+        terrains=(_rolling_terrain(),),
+        terrain_heights=tuple(TerrainHeight("HILLS", name, 0.1) for name in block.point_names[2:12:3]),
         stations=_stations(block),
         differences=_differences(block),
         antennas=(_ANTENNA,),
+    )
+
+
+def _rolling_terrain(x0: float = 0.0, y0: float = 0.0) -> TerrainModel:
+    """Return hills, whose pixels lie across the axes and are much wider than the steps of the partials."""
+    column, row = np.meshgrid(np.arange(-60.0, 60.0), np.arange(-60.0, 60.0))
+    heights = 300.0 * np.sin(0.7 * column) + 200.0 * np.cos(0.9 * row + 0.2 * column)
+    turn = np.array([[0.8, 0.6], [0.6, -0.8]]) / 400.0
+    at = 60.0 - turn @ [x0, y0]
+    return TerrainModel(
+        Terrain("HILLS", "hills.tif", 0.1),
+        HeightGrid(heights, (*turn[0].tolist(), float(at[0]), *turn[1].tolist(), float(at[1]))),
     )
 
 
@@ -853,6 +878,8 @@ def _parts(block: Block, observations: Observations) -> list[tuple[np.ndarray, f
     if kind == "difference" and block.ground is not PLAIN:
         of_position = np.isin(observations.rows.component, ("X", "Y", "Z"))
         return [(rows[of_position], 0.1, 1e-8), (rows[~of_position], 1e-3, 0.0)]
+    if kind == "terrain" and block.ground is not PLAIN:
+        return [(rows, 0.1, 1e-8)]
     if kind == "height" and block.ground is not PLAIN:
         return [(rows, 100.0, 0.0)]
     is_small = block.ground is PLAIN or kind in ("photo", "attitude", "constant attitude")

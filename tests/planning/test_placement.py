@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from planning.planned_blocks import CAMERA, CONTROL_ERROR, design, planned, settings
 
+from orip.bundle.additions.placing import planned_control
+from orip.bundle.additions.search import Candidate, place, with_all
 from orip.bundle.unknowns import CONSTANT
-from orip.planning.forecast import design_block, forecast, planned_control
-from orip.planning.placement import Candidate, place, with_all
+from orip.planning.forecast import design_block, forecast
 from orip.records.control import Control
 from orip.structs import replace
 

@@ -10,10 +10,11 @@ from cli.command_line import orip
 from planning.planned_blocks import planned, settings
 from workflow.small_projects import REPOSITORY
 
-from orip.planning.candidates import distance_candidates, network_of, photo_candidates
-from orip.planning.forecast import forecast, with_rays
-from orip.planning.placement import place_greedily, with_all
-from orip.planning.placing import Wanted, place_in_block
+from orip.bundle.additions.candidates import distance_candidates, network_of, photo_candidates
+from orip.bundle.additions.placing import Wanted, place_in_block
+from orip.bundle.additions.search import place_greedily, with_all
+from orip.bundle.additions.visible_points import with_rays
+from orip.planning.forecast import forecast
 from orip.records.control import ControlDistance
 from orip.records.photo import Photo
 from orip.structs import replace

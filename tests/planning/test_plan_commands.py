@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import json
-import math
 import zipfile
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -13,43 +12,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 from cli.command_line import orip
-
-from orip.errors import InputError
-from orip.files.control.stations_text import read_stations
-from orip.planning.areas import read_outline, terrain_of_raster
-
-TOML = """project = { name = "PLANNED", crs = "EPSG:25832" }
-
-[plan]
-pixel = 0.02
-forward = 70.0
-side = 50.0
-ground = 30.0
-tie_points = 30
-position_error = [0.015, 0.015, 0.03]
-corners = [[561900.0, 5934000.0], [562100.0, 5934000.0], [562100.0, 5934100.0], [561900.0, 5934100.0]]
-
-[[camera]]
-name = "P4"
-c = 8.8
-sensor = { columns = 5472, rows = 3648, width = 13.2, height = 8.8 }
-unknown = ["C", "DX", "DY", "A3"]
-
-[[bundle]]
-name = "B"
-measurement_precision = "0.3px"
-"""
-
-
-def project(folder: Path, **changed: str) -> Path:
-    folder.mkdir(exist_ok=True)
-    text = TOML
-    for key, value in changed.items():
-        lines = [line for line in text.splitlines() if not line.startswith(f"{key} = ")]
-        at = lines.index("[plan]") + 1
-        text = "\n".join([*lines[:at], *([f"{key} = {value}"] if value else []), *lines[at:]]) + "\n"
-    (folder / "orip.toml").write_text(text, encoding="utf-8")
-    return folder
+from planning.planned_projects import document, project, stations, text_of, written
 
 
 @pytest.fixture(scope="module")
@@ -57,14 +20,6 @@ def folder(tmp_path_factory) -> Path:
     made = project(tmp_path_factory.mktemp("plan") / "p")
     assert orip(made, "plan", "make").code == 0
     return made
-
-
-def document(folder: Path, *arguments: str) -> dict:
-    return orip(folder, *arguments, "--json").document
-
-
-def stations(folder: Path):
-    return read_stations(folder / "PLANNED.PLAN", "PLANNED.PLAN").value
 
 
 def test_the_plan_is_a_text_that_can_be_edited(tmp_path):
@@ -113,7 +68,9 @@ def test_the_page_shows_the_plan_and_loads_nothing(folder):
     assert len(drawings) == 4
     photos = [one for one in drawings[0].iter() if one.get("class") == "plan-photo"]
     assert len(photos) == len(stations(folder))
+    assert len([one for one in drawings[0].iter() if one.get("class") == "plan-border"]) == 1
     assert [one for one in drawings[1].iter() if one.get("class") == "overlap"]
+    assert len([one for one in page.iter() if one.get("class") == "swatch"]) == 9
     assert "default-src 'none'" in text
     assert "<script" not in text
     assert "http://" not in text.replace("http://www.w3.org", "")
@@ -132,21 +89,12 @@ def test_no_output_replaces_the_plan_or_the_project(folder, name):
     assert before == ((folder / "PLANNED.PLAN").read_bytes(), (folder / "orip.toml").read_bytes())
 
 
-def written(folder: Path, form: str, name: str) -> bytes:
-    assert orip(folder, "plan", "export", form, name, "--force").code == 0
-    return (folder / name).read_bytes()
-
-
 def truth(folder: Path):
     from pyproj import Transformer
 
     places = np.array([one.position for one in stations(folder)])
     longitude, latitude = Transformer.from_crs("EPSG:25832", "EPSG:4326", always_xy=True).transform(*places[:, :2].T)
     return places, longitude, latitude
-
-
-def text_of(element: ET.Element, name: str) -> list[str]:
-    return [one.text or "" for one in element.iter() if one.tag.rpartition("}")[2] == name]
 
 
 def test_geojson_and_kml_and_gpx_have_the_places(folder):
@@ -210,56 +158,6 @@ def test_without_a_crs_formats_of_longitudes_are_refused(tmp_path):
     assert "coordinates" in json.loads(written(made, "geojson", "f.geojson"))
 
 
-SQUARE = [[10.0, 53.0], [10.004, 53.0], [10.004, 53.003], [10.0, 53.003], [10.0, 53.0]]
-
-
-def geojson(path: Path, ring: list, kind: str = "Polygon") -> None:
-    shape = {"type": kind, "coordinates": [ring] if kind == "Polygon" else ring}
-    path.write_text(json.dumps({"type": "FeatureCollection", "features": [{"type": "Feature", "geometry": shape}]}))
-
-
-def test_areas_of_files_are_taken_to_the_project(tmp_path):
-    from pyproj import Transformer
-
-    to_project = Transformer.from_crs("EPSG:4326", "EPSG:25832", always_xy=True)
-    expected = np.array(to_project.transform(*np.array(SQUARE).T)).T
-    geojson(tmp_path / "a.geojson", SQUARE)
-    assert np.allclose(read_outline(tmp_path / "a.geojson", "a", "EPSG:25832", is_line=False), expected, atol=1e-3)
-    places = " ".join(f"{x},{y},0" for x, y in SQUARE)
-    kml = f"<kml><Placemark><Polygon><coordinates>{places}</coordinates></Polygon></Placemark></kml>"
-    (tmp_path / "a.kml").write_text(kml)
-    assert np.allclose(read_outline(tmp_path / "a.kml", "a", "EPSG:25832", is_line=False), expected, atol=1e-3)
-
-
-def test_an_area_over_the_180th_meridian_is_one(tmp_path):
-    geojson(tmp_path / "a.geojson", [[179.999, 0.0], [-179.999, 0.0], [-179.999, 0.001], [179.999, 0.001]])
-    found = read_outline(tmp_path / "a.geojson", "a", "EPSG:3832", is_line=False)
-    assert np.ptp(found[:, 0]) == pytest.approx(math.radians(0.002) * 6378137.0, rel=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("ring", "crs", "said"),
-    [
-        ([[0.0, 90.0], [120.0, 89.99], [-120.0, 89.99]], "EPSG:25832", "crs"),
-        ([[500.0, 53.0], [10.0, 53.0], [10.0, 54.0]], "EPSG:25832", "longitude"),
-        ([[10.0, 153.0], [10.0, 53.0], [11.0, 54.0]], "EPSG:25832", "longitude"),
-        (SQUARE, None, "no crs"),
-    ],
-)
-def test_places_that_a_project_has_not_are_refused(tmp_path, ring, crs, said):
-    geojson(tmp_path / "a.geojson", ring)
-    with pytest.raises(InputError, match=said):
-        read_outline(tmp_path / "a.geojson", "a.geojson", crs, is_line=False)
-
-
-@pytest.mark.parametrize("text", ["", "[]", "{}", '{"type": "Polygon", "coordinates": [["a"]]}', "<kml>"])
-def test_files_that_are_no_areas_are_refused(tmp_path, text):
-    for name in ("a.geojson", "a.kml"):
-        (tmp_path / name).write_text(text)
-        with pytest.raises(InputError):
-            read_outline(tmp_path / name, name, "EPSG:25832", is_line=False)
-
-
 @pytest.mark.parametrize(
     ("changed", "said"),
     [
@@ -285,23 +183,6 @@ def test_settings_that_cannot_be_get_one_clear_message(tmp_path, changed, said):
 def test_no_overlap_at_all_is_a_plan(tmp_path):
     made = project(tmp_path / "p", forward="0.0", side="0.0")
     assert document(made, "plan", "make")["base"] == pytest.approx(0.02 * 3648, rel=1e-9)
-
-
-def test_a_raster_of_heights_is_read_and_its_holes_are_named(tmp_path):
-    rasterio = pytest.importorskip("rasterio")
-    heights = np.add.outer(np.arange(50.0)[::-1], 2.0 * np.arange(60.0))
-    heights[10, 10] = -9999.0
-    with rasterio.open(
-        tmp_path / "dem.tif", "w", driver="GTiff", width=60, height=50, count=1, dtype="float64", nodata=-9999.0,
-        transform=rasterio.Affine(1.0, 0.0, 1000.0, 0.0, -1.0, 2050.0),
-    ) as target:  # fmt: skip
-        target.write(heights, 1)
-    terrain = terrain_of_raster(tmp_path / "dem.tif", "dem.tif")
-    places = np.array([[1030.5, 2020.5], [1040.25, 2005.75]])
-    assert np.allclose(terrain(places), 2.0 * (places[:, 0] - 1000.5) + places[:, 1] - 2000.5)
-    for wrong in ([[1010.5, 2039.5]], [[900.0, 2020.0]]):
-        with pytest.raises(InputError, match="no height"):
-            terrain(np.array(wrong))
 
 
 def test_rings_are_planned_and_forecast(tmp_path):

@@ -46,3 +46,13 @@ def test_a_flight_is_planned_for_it(tmp_path):
     refused = orip(project(tmp_path / "q", sd="0.03"), "plan", "make")
     assert refused.code != 0
     assert "sd is for flights, and gives the height itself" in refused.err
+
+
+def test_a_flight_that_does_not_determine_the_camera_has_no_height(tmp_path):
+    """Heights of nadir strips over level ground hang on C: a forecast as if it were known would promise too much."""
+    folder = project(tmp_path / "p", pixel="", sd="0.03", tie_points="15")
+    refused = orip(folder, "plan", "make")
+    assert "nothing determines C of the camera" in refused.err
+    compared = orip(project(tmp_path / "q", tie_points="15"), "plan", "compare", "--variant", "unknown=none").out
+    assert "as planned: nothing determines C; its row is as if C were known" in compared
+    assert "unknown=none: nothing" not in compared

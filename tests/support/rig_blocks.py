@@ -149,6 +149,39 @@ def rig_block(
     return RigBlock(block, centres, rotations, offsets, mountings, ground)
 
 
+def without_common_view(made: RigBlock) -> Block:
+    """Return a block in which no two cameras show the same point, and control is measured by the first one alone."""
+    block, rays, cameras = made.block, made.block.photo_points, len(made.block.cameras)
+    kept = rays.point % cameras == block.photo_camera[rays.photo]
+    kept &= np.bincount(rays.point[kept], minlength=len(block.point_names))[rays.point] >= 2
+    used = np.unique(rays.point[kept])
+    number = np.searchsorted(used, np.arange(len(block.point_names)))
+    of_first = used[used % cameras == 0]
+    corners = {of_first[int(np.argmax(made.points[of_first, :2] @ (x, y)))] for x in (-1, 1) for y in (-1, 1)}
+    return replace(
+        block,
+        point_names=tuple(block.point_names[k] for k in used),
+        point_start=block.point_start[used],
+        constant_points=block.constant_points[used],
+        control_points=tuple(
+            ControlPoint(block.point_names[k], tuple(made.points[k].tolist()), (0.02,) * 3) for k in sorted(corners)
+        ),
+        photo_points=IndexedPhotoPoints(
+            rays.photo[kept], number[rays.point[kept]], rays.xy[kept], rays.error[kept], rays.used[kept]
+        ),
+    )
+
+
+def from_nothing(block: Block) -> Block:
+    """Return a block without any starting value."""
+    return replace(
+        block,
+        photos=tuple(replace(photo, orientation=(None,) * 6) for photo in block.photos),
+        photo_orientation=np.full_like(block.photo_orientation, np.nan),
+        point_start=np.full_like(block.point_start, np.nan),
+    )
+
+
 def _image(ground: np.ndarray, centre: np.ndarray, rotation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the photo coordinates of points, and which of them are inside of the frame."""
     u = (ground - centre) @ rotation

@@ -98,8 +98,12 @@ def observed(
     interval: float = 1.0,
     deviation: tuple[float, float, float] = (0.02, 0.02, 0.04),
     scale: float = 1.0,
+    speed: float = 0.0,
 ) -> tuple[ImuSamples, Fixes]:
-    """Return samples and fixes of a flight; `scale` of the true noise of the unit to that said."""
+    """Return samples and fixes of a flight; `scale` of the true noise of the unit to that said.
+
+    With the standard deviation of a `speed`, m/s, the fixes have the velocity of the antenna.
+    """
     step = float(np.diff(truth.time).mean())
     count = len(truth.time)
 
@@ -119,8 +123,12 @@ def observed(
     antenna = truth.place[at] + truth.rotation[at] @ LEVER_ARM
     place = antenna + np.array(deviation) * random.standard_normal((len(at), 3))
     covariance = np.broadcast_to(np.diag(np.square(deviation)), (len(at), 3, 3)).copy()
-    unknown = np.full((len(at), 3), np.nan)
-    return imu, Fixes(truth.time[at], place, covariance, unknown, unknown)
+    velocity, known = np.full((len(at), 3), np.nan), np.full((len(at), 3), speed or np.nan)
+    if speed:
+        turning = truth.rate[at] - np.einsum("nji,j->ni", truth.rotation[at], EARTH)
+        swing = np.einsum("nij,nj->ni", truth.rotation[at], np.cross(turning, LEVER_ARM))
+        velocity = truth.velocity[at] + swing + speed * random.standard_normal((len(at), 3))
+    return imu, Fixes(truth.time[at], place, covariance, velocity, known)
 
 
 START = 1316 * SECONDS_PER_WEEK + 1000.0

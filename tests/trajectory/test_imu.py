@@ -27,7 +27,7 @@ from trajectory.inertial_flight import (
 from orip.records.epochs import SECONDS_PER_WEEK
 from orip.stations.inertial.alignment import align
 from orip.stations.inertial.files import ImuForm, read_imu
-from orip.stations.inertial.samples import Fixes, ImuNoise, ImuSamples, LocalGravity, normal_gravity
+from orip.stations.inertial.samples import Fixes, ImuNoise, ImuSamples, LocalGravity, Observed, normal_gravity
 from orip.stations.inertial.smoother import Trajectory, smooth, state_times
 from orip.stations.receiver_files import read_rtklib_pos, read_sbet
 from orip.structs import replace
@@ -89,7 +89,9 @@ def test_without_errors_the_truth_is_found(truth):
     """The rotation of the Earth, the curvature of its surface and lever arms are all in the truth."""
     imu, fixes = observed(truth, NOTHING, np.random.default_rng(0), deviation=(1e-9, 1e-9, 1e-9))
     said = np.broadcast_to(np.diag([4e-4, 4e-4, 16e-4]), fixes.covariance.shape).copy()
-    found = smooth(imu, replace(fixes, covariance=said), GRAVITY, TACTICAL, LEVER_ARM, estimates_noise=False)
+    found = smooth(
+        Observed(imu, replace(fixes, covariance=said), GRAVITY, TACTICAL, LEVER_ARM), estimates_noise=False
+    ).trajectory
     place, attitude = errors(found, truth)
     # samples 200 times a second, by the trapezoidal rule
     assert np.abs(place).max() < 5e-4
@@ -99,7 +101,7 @@ def test_without_errors_the_truth_is_found(truth):
 @pytest.mark.parametrize("noise", [MEMS, TACTICAL], ids=["mems", "tactical"])
 def test_the_first_attitude_without_a_magnetometer(truth, noise):
     imu, fixes = observed(truth, noise, np.random.default_rng(5))
-    found = align(imu, fixes, GRAVITY)
+    found = align(Observed(imu, fixes, GRAVITY, noise, LEVER_ARM))
     at = np.searchsorted(truth.time, found.time - 1e-6)
     error = Rotation.from_matrix(truth.rotation[at].T @ found.rotation).magnitude()
     assert np.degrees(error) < 25.0  # from where the graph converges
@@ -117,7 +119,11 @@ def test_errors_are_as_large_as_is_said(truth, noise):
     both = []
     for run in range(3):
         imu, fixes = observed(truth, noise, np.random.default_rng(run))
-        both.append(standardised(smooth(imu, fixes, GRAVITY, noise, LEVER_ARM, estimates_noise=False), truth))
+        both.append(
+            standardised(
+                smooth(Observed(imu, fixes, GRAVITY, noise, LEVER_ARM), estimates_noise=False).trajectory, truth
+            )
+        )
     within(np.concatenate([place for place, _ in both]), 3)
     within(np.concatenate([attitude for _, attitude in both]), 3)
 
@@ -130,7 +136,11 @@ def test_errors_of_a_hundred_flights(noise):
     both = []
     for run in range(100):
         imu, fixes = observed(whole, noise, np.random.default_rng(run))
-        both.append(standardised(smooth(imu, fixes, GRAVITY, noise, LEVER_ARM, estimates_noise=False), whole))
+        both.append(
+            standardised(
+                smooth(Observed(imu, fixes, GRAVITY, noise, LEVER_ARM), estimates_noise=False).trajectory, whole
+            )
+        )
     for values in zip(*both, strict=True):
         rms = np.sqrt(np.mean(np.concatenate(values) ** 2, axis=0))
         assert ((rms > 0.93) & (rms < 1.07)).all(), rms
@@ -143,7 +153,7 @@ def test_errors_of_a_hundred_flights(noise):
 def test_noise_that_is_said_too_small_is_found(truth):
     imu, fixes = observed(truth, MEMS, np.random.default_rng(3), scale=6.0)
     wide = replace(fixes, covariance=fixes.covariance * 9.0)
-    found = smooth(imu, wide, GRAVITY, MEMS, LEVER_ARM)
+    found = smooth(Observed(imu, wide, GRAVITY, MEMS, LEVER_ARM)).trajectory
     assert 3.0 < found.factors.unit < 10.0
     assert found.factors.position == pytest.approx(1.0 / 3.0, rel=0.25)
     within(standardised(found, truth)[0], 1)
@@ -153,7 +163,7 @@ def test_noise_that_is_said_too_small_is_found(truth):
 
 
 def walk(*words: str, left_out: tuple[float, float] = (0.0, 0.0)) -> tuple[ImuSamples, Fixes]:
-    from orip.stations.inertial.processing import _local
+    from orip.stations.inertial.processing import local_fixes
 
     if not WALK.exists():
         pytest.skip("the folder gnss/walk is not in ../shared/reference-data beside the repository")
@@ -168,7 +178,7 @@ def walk(*words: str, left_out: tuple[float, float] = (0.0, 0.0)) -> tuple[ImuSa
     )  # fmt: skip
     is_float = np.array([word != "fixed" for word in positions.quality])
     covariance = np.where(is_float[:, None, None], 0.09 * np.eye(3), positions.covariance)
-    return imu.value, _local(replace(positions, covariance=covariance))[0]
+    return imu.value, local_fixes(replace(positions, covariance=covariance))[0]
 
 
 WALKED = ImuNoise(np.radians(0.0038), 70e-6 * 9.80665, 1e-5, 1e-4, np.radians(0.5), 0.1)
@@ -184,7 +194,7 @@ def left_out(seconds: list[float], around: float = 1e9) -> tuple[np.ndarray, np.
         near = ~out & (np.abs(fixes.time - begin) < around)
         kept = Fixes(*(getattr(fixes, name)[near] for name in fixes.__struct_fields__))
         lever = np.array([0.0, 0.05, 0.0])
-        found = smooth(imu, kept, LocalGravity(0.7, 1601.0), WALKED, lever, fixes.time[out])
+        found = smooth(Observed(imu, kept, LocalGravity(0.7, 1601.0), WALKED, lever), fixes.time[out]).trajectory
         at = np.searchsorted(found.time, fixes.time[out])
         error = found.place[at] + found.rotation[at] @ lever - fixes.place[out]
         variance = found.place_covariance[at] + fixes.covariance[out]
@@ -262,7 +272,11 @@ def test_what_people_mistake_is_said(tmp_path, flown, truth):
     degrees = replace(imu, rate=np.degrees(imu.rate))
     written(tmp_path, truth, degrees, fixes)
     said = orip(tmp_path, "imu", "imu.csv.gz", "flight.pos", LEVER)
-    assert "--rate-unit" in said.err or "the unit is" in said.err
+    assert "--rate-unit deg/s" in said.err
+    slow = replace(imu, rate=np.radians(imu.rate))
+    written(tmp_path, truth, slow, fixes)
+    said = orip(tmp_path, "imu", "imu.csv.gz", "flight.pos", LEVER)
+    assert "angular rates are in rad/s" in said.err or "all fits if" in said.err, said.err
 
 
 def test_a_time_offset_is_estimated_and_said(tmp_path, truth):
@@ -279,7 +293,7 @@ def test_axes_of_the_unit_that_are_not_those_of_the_body(tmp_path, truth):
     written(tmp_path, truth, turned, fixes)
     said = orip(tmp_path, "imu", "imu.csv.gz", "flight.pos", LEVER)
     assert said.code == 0
-    assert "axes (--mount)" in said.err
+    assert "axes are exchanged: what is called the force right is forward, forward is right beside" in said.err
 
 
 @pytest.mark.parametrize(

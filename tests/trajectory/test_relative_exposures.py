@@ -30,7 +30,7 @@ from orip.geometry.ground_ellipsoid import geocentric_from_geographic, geographi
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.stations.inertial.chain import chain_of
 from orip.stations.inertial.differences import independent_poses
-from orip.stations.inertial.samples import ImuNoise
+from orip.stations.inertial.samples import ImuNoise, Observed
 from orip.stations.inertial.smoother import smooth
 from orip.stations.interpolation import WGS84
 
@@ -62,7 +62,7 @@ def joint_covariances(noise: ImuNoise) -> tuple[np.ndarray, np.ndarray]:
     truth = flight(strips=3)
     imu, fixes = observed(truth, noise, np.random.default_rng(1))
     times = np.arange(17.05, truth.time[-1] - 3.0, 2.0)
-    trajectory = smooth(imu, fixes, GRAVITY, noise, LEVER_ARM, times, estimates_noise=False)
+    trajectory = smooth(Observed(imu, fixes, GRAVITY, noise, LEVER_ARM), times, estimates_noise=False).trajectory
     states = [int(np.argmin(np.abs(trajectory.time - time))) for time in times]
     found, count = independent_poses(trajectory, states), len(times)
     weight, said = np.zeros((count, 6, count, 6)), np.zeros((count, 6, count, 6))

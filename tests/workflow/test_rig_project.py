@@ -8,6 +8,8 @@ from cli.command_line import orip
 from scipy.spatial.transform import Rotation
 from support.rig_blocks import C, rig_block
 
+from orip.online.session import OnlineSession
+
 
 def written(folder, block, rig_text):
     parts = ['[project]\nname = "HEAD"']
@@ -64,6 +66,25 @@ def test_a_rig_is_adjusted_from_its_texts(project):
     assert "RIGS: EXPOSURES" in listing
     assert "Rigs: mountings of cameras" in (folder / "report.html").read_text(encoding="utf-8")
     assert orip(folder, "status").code == 0
+
+
+def test_a_rig_without_exposures_is_said(project):
+    folder, made = project
+    text = (folder / "orip.toml").read_text(encoding="utf-8")
+    alone = "\n".join(f'[[exposure]]\nname = "{photo.name}"\nphotos = ["{photo.name}"]' for photo in made.block.photos)
+    for exposures in ("", alone):
+        (folder / "orip.toml").write_text(text[: text.index("[[exposure]]")] + exposures, encoding="utf-8")
+        said = orip(folder, "run")
+        assert said.code == 0, said.told
+        assert "rig BODY: no exposure has photos of two of its cameras" in " ".join(said.told.split())
+
+
+def test_a_session_says_that_it_tests_the_photos_one_by_one(project):
+    folder, _ = project
+    assert orip(folder, "init").code == 0
+    session = OnlineSession(folder, None)
+    (warning,) = [one for one in session.warnings if one.code == "rigs-while-measuring"]
+    assert warning.where == "rig BODY"
 
 
 def test_another_mounting_makes_the_results_stale(project):

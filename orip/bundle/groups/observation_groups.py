@@ -30,6 +30,7 @@ from orip.records.observation_kinds import (
     LINE,
     PLANE,
     STATION,
+    TERRAIN,
 )
 from orip.records.results.tests import CommonExtent, GroupKind
 from orip.threads import limited_threads
@@ -44,6 +45,7 @@ _KINDS: dict[str, GroupKind] = {
     CYLINDER.name: "cylinder",
     HEIGHT.name: "height",
     GIVEN_DIRECTION.name: "given direction",
+    TERRAIN.name: "terrain",
     STATION.name: "station",
     ATTITUDE.name: "attitude",
     DIFFERENCE.name: "difference",
@@ -116,7 +118,9 @@ def _of_kind(
     members: dict[tuple[str, str], list[int]] = {}
     for row in np.flatnonzero(chosen).tolist():
         of = strips.get(record_key(rows.photo[row]), "") if group in ("station", "attitude") else ""
-        if group == "element":
+        if group == "terrain":
+            of = rows.photo[row]
+        elif group == "element":
             of = _record_of_element(rows.photo[row], rows.component[row])
         members.setdefault((of, rows.component[row]), []).append(row)
     for (of, component), places in members.items():

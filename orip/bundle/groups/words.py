@@ -21,6 +21,7 @@ from orip.records.observation_kinds import (
     PHOTO_POINT,
     PLANE,
     STATION,
+    TERRAIN,
     ObservationKind,
 )
 from orip.records.results.solution import Diagnosis
@@ -43,6 +44,7 @@ _KINDS: dict[str, ObservationKind] = {
     "cylinder": CYLINDER,
     "height": HEIGHT,
     "given direction": GIVEN_DIRECTION,
+    "terrain": TERRAIN,
     "station": STATION,
     "attitude": ATTITUDE,
     "difference": DIFFERENCE,
@@ -63,6 +65,7 @@ _REMEDIES = {
     "attitude": "check the system and the a-priori errors of the attitudes, and the boresight",
     "difference": "check the system and the a-priori errors of the .REL file, and the lever arm",
     "direction": "check the unit, the instrument's errors and the a-priori error of the directions",
+    "terrain": "check height system and a-priori error of the terrain model, and that its points lie on the ground",
     "given direction": "check the given directions, their points and a-priori errors",
     **dict.fromkeys(FIGURE_GROUPS, "check whether the points are those of the figure, and their a-priori errors"),
 }
@@ -139,6 +142,8 @@ def group_name(group: GroupTest) -> str:
 
 
 def _name_of_figures(group: GroupTest) -> str:
+    if group.kind == "terrain":
+        return f"heights on terrain {group.of}"
     if group.kind == "given direction":
         return f"given directions, {group.component}"
     if group.kind == "line":

@@ -233,7 +233,7 @@ def points_by_photos_alone(block: Block, unknowns: Unknowns) -> BoolArray:
 def points_by_photos_and_control(block: Block, unknowns: Unknowns) -> BoolArray:
     """Return those (number of points,) that may be control points, too."""
     elements = {element.name for element in block.elements if element.group == "POINT"}
-    elements |= {point.point for point in block.figure_points}
+    elements |= {point.point for point in block.figure_points} | {one.point for one in block.terrain_heights}
     free = (unknowns.points >= unknowns.layout.reduced).all(axis=1) & (unknowns.points != CONSTANT).all(axis=1)
     return np.asarray(free & ~_are_named(block, elements))
 

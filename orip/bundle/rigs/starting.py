@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal, NamedTuple
+
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
@@ -18,11 +20,21 @@ from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE
 
 _ROUNDS = 8
+_SIDES: tuple[Literal["left", "right"], ...] = ("left", "right")
 _LEAST_ANGLE = 1e-5
 """Radians, that weights stay finite."""
 
-_Poses = tuple[FloatArray, FloatArray]
-"""Places (n, 3) and rotations (n, 3, 3)."""
+
+class _Poses(NamedTuple):
+    """Places (n, 3), rotations (n, 3, 3) and weights (n,) of photos: one more than the points that each shows.
+
+    Without the points a photo of three of them, which may be oriented in four ways, would move the others of its
+    exposure.
+    """
+
+    places: FloatArray
+    rotations: FloatArray
+    weights: FloatArray
 
 
 def starting_rigs(block: Block, *, is_guessed: bool = True) -> RigState | None:
@@ -51,7 +63,9 @@ def starting_rigs(block: Block, *, is_guessed: bool = True) -> RigState | None:
     )
     orientation = block.photo_orientation[photo]
     rig = np.unique([camera.rig for camera in places.mounted], return_inverse=True)[1]
-    return _found(state, (orientation[:, :3], rotation_from_angles(orientation[:, 3:])), held, rig, is_guessed)
+    weights = 1.0 + np.bincount(block.photo_points.photo, minlength=len(block.photos))[photo]
+    photos = _Poses(orientation[:, :3], rotation_from_angles(orientation[:, 3:]), weights)
+    return _found(state, photos, held, rig, is_guessed)
 
 
 def with_photos_on_rigs(block: Block) -> Block:
@@ -94,8 +108,8 @@ def _found(state: RigState, photos: _Poses, held: BoolArray, rig: IntArray, is_g
     while True:
         state = _with_exposures(state, photos, known)
         placed: BoolArray = np.asarray(np.isfinite(state.centres).all(axis=1))
-        usable = ~known[state.mounted] & placed[state.exposure] & np.isfinite(photos[0]).all(axis=1)
-        usable &= np.isfinite(photos[1]).all(axis=(1, 2))
+        usable = ~known[state.mounted] & placed[state.exposure] & np.isfinite(photos.places).all(axis=1)
+        usable &= np.isfinite(photos.rotations).all(axis=(1, 2))
         if not usable.any():
             break
         counts = np.bincount(state.mounted[usable], minlength=len(known))
@@ -125,31 +139,35 @@ def _most_photos(state: RigState, mine: BoolArray) -> BoolArray:
 
 
 def _with_exposures(state: RigState, photos: _Poses, known: BoolArray) -> RigState:
-    rows = np.flatnonzero(known[state.mounted] & np.isfinite(photos[0]).all(axis=1))
+    rows = np.flatnonzero(known[state.mounted] & np.isfinite(photos.places).all(axis=1))
     mounted = state.mounted[rows]
-    found = exposures_of_photos(photos[0][rows], photos[1][rows], state.offsets[mounted], state.mountings[mounted])
+    found = exposures_of_photos(
+        photos.places[rows], photos.rotations[rows], state.offsets[mounted], state.mountings[mounted]
+    )
     exposures, group = np.unique(state.exposure[rows], return_inverse=True)
     centres, rotations = state.centres.copy(), state.rotations.copy()
-    centres[exposures], rotations[exposures] = robust_poses(*found, group, len(exposures))
+    centres[exposures], rotations[exposures] = robust_poses(*found, group, len(exposures), photos.weights[rows])
     return replace(state, centres=centres, rotations=rotations)
 
 
 def _with_mounting(state: RigState, photos: _Poses, rows: IntArray, camera: int) -> RigState:
     """Return the state with the mounting of a camera from photos (k,) whose exposures are known."""
     to_rig = np.swapaxes(state.rotations[state.exposure[rows]], 1, 2)
-    offsets = (to_rig @ (photos[0][rows] - state.centres[state.exposure[rows]])[:, :, None])[:, :, 0]
+    offsets = (to_rig @ (photos.places[rows] - state.centres[state.exposure[rows]])[:, :, None])[:, :, 0]
     new_offsets, new_mountings = state.offsets.copy(), state.mountings.copy()
     one = np.zeros(len(rows), dtype=np.int64)
-    new_offsets[[camera]], new_mountings[[camera]] = robust_poses(offsets, to_rig @ photos[1][rows], one, 1)
+    new_offsets[[camera]], new_mountings[[camera]] = robust_poses(
+        offsets, to_rig @ photos.rotations[rows], one, 1, photos.weights[rows]
+    )
     return replace(state, offsets=new_offsets, mountings=new_mountings)
 
 
 def robust_poses(
-    places: FloatArray, rotations: FloatArray, group: IntArray, count: int
+    places: FloatArray, rotations: FloatArray, group: IntArray, count: int, weights: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
     """Return places (g, 3) and rotations (g, 3, 3) about which most poses of each group lie.
 
-    A place is the median of each coordinate. A rotation is the one with the least sum of angles, from the mean on
+    A place is the weighted median of each coordinate. A rotation has the least weighted sum of angles, from the mean on
     (Hartley, Aftab and Trumpf 2011, *L1 rotation averaging using the Weiszfeld algorithm*).
 
     Parameters
@@ -159,25 +177,31 @@ def robust_poses(
         From 0 to g - 1; none of them is empty.
     count : int
         g.
+    weights : array (n,), optional
+        Above 0; equal if they are not given.
     """
+    weights = np.ones(len(group)) if weights is None else weights
     sums = np.zeros((count, 3, 3))
-    np.add.at(sums, group, rotations)
+    np.add.at(sums, group, weights[:, None, None] * rotations)
     u, _, vt = np.linalg.svd(sums)
     u[:, :, 2] *= np.linalg.det(u @ vt)[:, None]
     found = u @ vt
     for _ in range(_ROUNDS):
         vectors = rotation_vectors_with_partials(rotations @ np.swapaxes(found, 1, 2)[group])[0]
-        weight = 1.0 / np.maximum(np.linalg.norm(vectors, axis=1), _LEAST_ANGLE)
+        weight = weights / np.maximum(np.linalg.norm(vectors, axis=1), _LEAST_ANGLE)
         moves = np.zeros((count, 3))
         np.add.at(moves, group, weight[:, None] * vectors)
         found = rotation_about_axes(moves / np.bincount(group, weight, count)[:, None]) @ found
-    return _medians(places, group, count), found
+    return _medians(places, group, count, weights), found
 
 
-def _medians(places: FloatArray, group: IntArray, count: int) -> FloatArray:
-    sizes = np.bincount(group, minlength=count)
-    first, found = np.cumsum(sizes) - sizes, np.empty((count, 3))
+def _medians(places: FloatArray, group: IntArray, count: int, weights: FloatArray) -> FloatArray:
+    """Return weighted medians (g, 3); the mean of two values where half of the weight is on either side."""
+    totals, found = np.bincount(group, weights, count), np.empty((count, 3))
+    halves = np.cumsum(totals) - 0.5 * totals
     for axis in range(3):
-        ordered = places[np.lexsort((places[:, axis], group)), axis]
-        found[:, axis] = (ordered[first + (sizes - 1) // 2] + ordered[first + sizes // 2]) / 2.0
+        order = np.lexsort((places[:, axis], group))
+        ordered, sums = places[order, axis], np.cumsum(weights[order])
+        first, second = (np.searchsorted(sums, halves, side) for side in _SIDES)
+        found[:, axis] = (ordered[first] + ordered[second]) / 2.0
     return found

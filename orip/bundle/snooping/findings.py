@@ -36,6 +36,7 @@ from orip.records.observation_kinds import (
     OBSERVATION_KINDS,
     PHOTO_POINT,
     STATION,
+    TERRAIN,
     unit_of_observation,
 )
 from orip.records.results.solution import Blunder, Diagnosis
@@ -103,6 +104,8 @@ class _Listed(Struct, frozen=True):
             return f"{components} of photo {photo}" if photo else f"{components} of {point}"
         if kind in (STATION.name, ATTITUDE.name):
             return f"{OBSERVATION_KINDS[kind].label} of photo {photo}"
+        if kind == TERRAIN.name:
+            return f"height of point {point} on terrain {photo}"
         if kind == GIVEN_DIRECTION.name:
             return f"given direction {photo}"
         if kind in FIGURE_GROUPS:
@@ -181,6 +184,10 @@ def without_blunders(block: Block, blunders: Sequence[Blunder]) -> Block:
             replace(point, error=-abs(point.error)) if _is_of_figure(point, wrong) else point
             for point in block.figure_points
         ),
+        terrain_heights=tuple(
+            replace(one, error=-abs(one.error)) if (TERRAIN.name, one.terrain, one.point, "Z") in wrong else one
+            for one in block.terrain_heights
+        ),
         stations=tuple(_disregarded_station(station, wrong) for station in block.stations),
         directions=tuple(_disregarded_direction(direction, wrong) for direction in block.directions),
         differences=tuple(
@@ -197,6 +204,7 @@ _WRONG = {
     DIRECTION.name: "contradicts the other observations",
     **dict.fromkeys(FIGURE_GROUPS, "does not lie on it"),
     GIVEN_DIRECTION.name: "contradicts the other observations",
+    TERRAIN.name: "contradicts the other observations",
     STATION.name: "contradicts the other observations",
     ATTITUDE.name: "contradicts the other observations",
     DIFFERENCE.name: "contradicts the other observations",
@@ -210,6 +218,7 @@ _REMEDY = {
         FIGURE_GROUPS, "check its name and whether it belongs to the figure; measure it again, or disregard it"
     ),
     GIVEN_DIRECTION.name: "check its direction and the names of its two points, or disregard it",
+    TERRAIN.name: "check whether the point lies on the ground; name it under disregard in [[terrain]] if it does not",
     STATION.name: "check its coordinates, its time and whether its ambiguities were fixed; or disregard it",
     ATTITUDE.name: "check its angles, their a-priori errors and the photo they are given for, or disregard it",
     DIFFERENCE.name: "check the inertial data between its two exposures, and their names; or disregard it",

@@ -93,6 +93,9 @@ def with_errors_times(block: Block, factors: Mapping[VarianceGroup, float]) -> B
         given_directions=tuple(
             replace(line, error=_times(line.error, factor("given direction"))) for line in block.given_directions
         ),
+        terrain_heights=tuple(
+            replace(one, error=_times(one.error, factor("terrain", one.terrain))) for one in block.terrain_heights
+        ),
         figure_points=tuple(
             replace(point, error=_times(point.error, factor(_OF_FIGURES[point.kind]))) for point in block.figure_points
         ),

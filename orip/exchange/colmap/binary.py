@@ -19,14 +19,13 @@ _HEAD = np.dtype(
     [("id", "<i8"), ("at", "<f8", 3), ("colour", "u1", 3), ("error", "<f8"), ("length", "<u8")], align=False
 )
 _TRACK_BYTES = 8
-_NO_SENSOR, _HAS_POSE, _POSE_BYTES = 0, 1, 56
 
 
 class _DamagedError(Exception):
     """What is wrong with the bytes, and where."""
 
 
-class _Bytes:
+class Bytes:
     """The bytes of a file, taken one after the other."""
 
     def __init__(self, data: bytes) -> None:
@@ -83,26 +82,22 @@ class _Bytes:
 
 def cameras_from_bytes(data: bytes, shown: str) -> Parsed[tuple[ColmapCamera, ...]]:
     """Read cameras.bin."""
-    return _guarded(_cameras, data, shown, ())
+    return guarded(_cameras, data, shown, ())
 
 
 def images_from_bytes(data: bytes, shown: str) -> Parsed[tuple[ColmapImage, ...]]:
     """Read images.bin."""
-    return _guarded(_images, data, shown, ())
+    return guarded(_images, data, shown, ())
 
 
 def points_from_bytes(data: bytes, shown: str) -> Parsed[ColmapPoints]:
     """Read points3D.bin."""
-    return _guarded(_points, data, shown, no_points())
+    return guarded(_points, data, shown, no_points())
 
 
-def rigs_from_bytes(data: bytes, shown: str) -> Parsed[tuple[int, ...]]:
-    """Read the numbers of sensors in rigs.bin."""
-    return _guarded(_rigs, data, shown, ())
-
-
-def _guarded(read: Callable[[_Bytes], T], data: bytes, shown: str, nothing: T) -> Parsed[T]:
-    source = _Bytes(data)
+def guarded(read: Callable[[Bytes], T], data: bytes, shown: str, nothing: T) -> Parsed[T]:
+    """Return what is read from bytes; `nothing`, and a complaint, if they are damaged."""
+    source = Bytes(data)
     try:
         found = read(source)
         source.require_end()
@@ -111,7 +106,7 @@ def _guarded(read: Callable[[_Bytes], T], data: bytes, shown: str, nothing: T) -
     return Parsed(found)
 
 
-def _cameras(source: _Bytes) -> tuple[ColmapCamera, ...]:
+def _cameras(source: Bytes) -> tuple[ColmapCamera, ...]:
     cameras = []
     for _ in range(source.count(24, "cameras")):
         at = source.at
@@ -125,7 +120,7 @@ def _cameras(source: _Bytes) -> tuple[ColmapCamera, ...]:
     return tuple(cameras)
 
 
-def _images(source: _Bytes) -> tuple[ColmapImage, ...]:
+def _images(source: Bytes) -> tuple[ColmapImage, ...]:
     images = []
     for _ in range(source.count(73, "images")):
         identity = source.whole("I", "an image")
@@ -148,7 +143,7 @@ def _images(source: _Bytes) -> tuple[ColmapImage, ...]:
     return tuple(images)
 
 
-def _points(source: _Bytes) -> ColmapPoints:
+def _points(source: Bytes) -> ColmapPoints:
     heads, tracks = [], []
     view = memoryview(source.data)
     for _ in range(source.count(_HEAD.itemsize, "points")):
@@ -167,18 +162,3 @@ def _points(source: _Bytes) -> ColmapPoints:
         head["length"].astype(np.int64),
         np.frombuffer(b"".join(tracks), "<u4").reshape(-1, 2).astype(np.int64),
     )
-
-
-def _rigs(source: _Bytes) -> tuple[int, ...]:
-    sensors = []
-    for _ in range(source.count(8, "rigs")):
-        _, number = map(int, source.fields("II", "a rig"))
-        sensors.append(number)
-        if number == _NO_SENSOR:
-            continue
-        source.fields("iI", "the first sensor of a rig")
-        for _ in range(number - 1):
-            _, _, has_pose = source.fields("iIB", "a sensor of a rig")
-            source.require(_POSE_BYTES if has_pose == _HAS_POSE else 0, "the pose of a sensor")
-            source.at += _POSE_BYTES if has_pose == _HAS_POSE else 0
-    return tuple(sensors)

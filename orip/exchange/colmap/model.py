@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import Final
 
 import numpy as np
-from msgspec import Struct, field
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from orip.arrays import FloatArray, IntArray
@@ -25,6 +25,14 @@ NO_POINT = -1
 
 LARGEST_FRAME = 1_000_000
 """Columns or rows; more are a damaged file."""
+
+CAMERA_SENSOR = 0
+"""Kind of a sensor that is a camera."""
+
+Pose = tuple[float, ...]
+"""Quaternion w, x, y, z and translation."""
+
+IDENTITY: Pose = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class CameraModel(Struct, frozen=True):
@@ -133,6 +141,35 @@ class ColmapPoints(Struct, frozen=True):
     tracks: IntArray
 
 
+class ColmapRig(Struct, frozen=True):
+    """Sensors on one body, the reference first.
+
+    Parameters
+    ----------
+    id : int
+    sensors : tuple of (int, int)
+        Kind and id of each; cameras are of the kind `CAMERA_SENSOR`.
+    poses : tuple of (tuple of 7 float, or None)
+        From the rig to the sensor, as of images; None where it is not known.
+    """
+
+    id: int
+    sensors: tuple[tuple[int, int], ...]
+    poses: tuple[Pose | None, ...]
+
+
+class ColmapFrame(Struct, frozen=True):
+    """What the sensors of a rig took at one instant: kind of sensor, its id and that of the datum, or image.
+
+    The pose is from the world to the rig.
+    """
+
+    id: int
+    rig: int
+    pose: Pose
+    data: tuple[tuple[int, int, int], ...]
+
+
 class ColmapModel(Struct, frozen=True):
     """A sparse model.
 
@@ -141,14 +178,15 @@ class ColmapModel(Struct, frozen=True):
     cameras : tuple of ColmapCamera
     images : tuple of ColmapImage
     points : ColmapPoints
-    sensors_of_rigs : tuple of int
-        Numbers of sensors of its rigs; empty for a model without them.
+    rigs : tuple of ColmapRig
+    frames : tuple of ColmapFrame
     """
 
     cameras: tuple[ColmapCamera, ...]
     images: tuple[ColmapImage, ...]
     points: ColmapPoints
-    sensors_of_rigs: tuple[int, ...] = field(default=())
+    rigs: tuple[ColmapRig, ...] = ()
+    frames: tuple[ColmapFrame, ...] = ()
 
 
 def no_points() -> ColmapPoints:
@@ -167,7 +205,7 @@ DATABASE = "database.db"
 _LEVELS = 3
 """The model is in its project's folder, or in sparse/0 of it."""
 
-_CAMERA_SENSOR, _WGS84, _CARTESIAN = 0, 0, 1
+_WGS84, _CARTESIAN = 0, 1
 _GEOGRAPHIC = "EPSG:4979"
 _LARGEST = 1e8
 _LONGEST_VALUE = 1 << 20
@@ -275,13 +313,13 @@ def _rows(connection: sqlite3.Connection, columns: list[str]) -> list[tuple[obje
         images[image] = name
     is_new = "corr_data_id" in columns
     covariance = "position_covariance" if "position_covariance" in columns else "NULL"
-    sensor = "corr_sensor_type" if is_new and "corr_sensor_type" in columns else str(_CAMERA_SENSOR)
+    sensor = "corr_sensor_type" if is_new and "corr_sensor_type" in columns else str(CAMERA_SENSOR)
     found: dict[object, tuple[object, ...]] = {}
     for image, of_sensor, *row in connection.execute(
         f"SELECT {'corr_data_id' if is_new else 'image_id'}, {sensor}, coordinate_system, position, {covariance} "
         "FROM pose_priors"
     ):
-        if of_sensor != _CAMERA_SENSOR or image not in images:
+        if of_sensor != CAMERA_SENSOR or image not in images:
             continue
         if image in found:
             message = f"the position of image {image} is there twice"

@@ -11,17 +11,20 @@ import numpy as np
 
 from orip.arrays import BoolArray, IntArray
 from orip.errors import MOST_COMPLAINTS, Complaint
-from orip.exchange.colmap import binary, text
+from orip.exchange.colmap import binary, rig_files, text
 from orip.exchange.colmap.model import (
     CAMERA_MODELS,
     LARGEST_FRAME,
     ColmapCamera,
+    ColmapFrame,
     ColmapImage,
     ColmapModel,
     ColmapPoints,
+    ColmapRig,
     no_points,
     pose_priors,
 )
+from orip.exchange.colmap.rigs import exchanged_rigs, with_poses_of_frames
 from orip.files.text.lines import read_bytes
 from orip.files.text.shown import Parsed, printable
 from orip.records.exchanged import (
@@ -77,12 +80,16 @@ def read_folder(folder: Path, shown: str) -> Parsed[ColmapModel]:
     cameras = part("cameras", (binary.cameras_from_bytes, text.cameras_from_text))
     images = part("images", (binary.images_from_bytes, text.images_from_text))
     points = part("points3D", (binary.points_from_bytes, text.points_from_text))
-    rigs: Parsed[tuple[int, ...]] = Parsed(())
-    if (folder / f"rigs.{form}").is_file():
-        rigs = part("rigs", (binary.rigs_from_bytes, text.rigs_from_text))
-    model = ColmapModel(cameras.value, images.value, points.value, rigs.value)
-    complaints = (*cameras.complaints, *images.complaints, *points.complaints, *rigs.complaints)
-    return Parsed(model, complaints or tuple(_contradictions(model, form, shown)))
+    rigs: Parsed[tuple[ColmapRig, ...]] = Parsed(())
+    frames: Parsed[tuple[ColmapFrame, ...]] = Parsed(())
+    if all((folder / f"{name}.{form}").is_file() for name in ("rigs", "frames")):
+        rigs = part("rigs", (rig_files.rigs_from_bytes, rig_files.rigs_from_text))
+        frames = part("frames", (rig_files.frames_from_bytes, rig_files.frames_from_text))
+    model = ColmapModel(cameras.value, images.value, points.value, rigs.value, frames.value)
+    read = (cameras, images, points, rigs, frames)
+    complaints = tuple(complaint for one in read for complaint in one.complaints)
+    complaints = complaints or tuple(_contradictions(model, form, shown))
+    return Parsed(model if complaints else with_poses_of_frames(model), complaints)
 
 
 def _contradictions(model: ColmapModel, form: Form, shown: str) -> Iterator[Complaint]:
@@ -90,6 +97,7 @@ def _contradictions(model: ColmapModel, form: Form, shown: str) -> Iterator[Comp
     yield from _of_cameras(model.cameras, f"{shown}/cameras.{form}")
     yield from _of_images(model.images, {camera.id for camera in model.cameras}, f"{shown}/images.{form}")
     yield from _of_points(model.points, f"{shown}/points3D.{form}")
+    yield from rig_files.rig_contradictions(model, shown, form)
 
 
 def _of_cameras(cameras: Sequence[ColmapCamera], path: str) -> Iterator[Complaint]:
@@ -168,6 +176,8 @@ def read_model(path: Path, shown: str) -> Parsed[ExchangedProject | None]:
             stations=stations,
             station_reference=priors.value.reference,
             stated=project.stated,
+            rigs=project.rigs,
+            exposures=project.exposures,
             notes=(*notes, *priors.value.notes),
         )
     )
@@ -189,7 +199,10 @@ def project_of_model(model: ColmapModel) -> tuple[ExchangedProject, tuple[str, .
     known = model.points.errors[model.points.errors >= 0.0]
     stated = StatedError(float(known.mean()), "mean_of_points") if known.size else None
     cameras = tuple(map(_camera, model.cameras))
-    project = ExchangedProject("", cameras, photos, points, rays, (READING,), stated=stated)
+    rigs, exposures = exchanged_rigs(model)
+    project = ExchangedProject(
+        "", cameras, photos, points, rays, (READING,), stated=stated, rigs=rigs, exposures=exposures
+    )
     return project, tuple(_notes(model, unknown))
 
 
@@ -239,8 +252,6 @@ def _notes(model: ColmapModel, unknown: int) -> list[str]:
     notes = ["Colours of points, and keypoints that belong to no point, stay in the original."]
     if unknown:
         notes.append(f"{counted(unknown, 'ray')} left out, as there is no such point in points3D.")
-    if any(count > 1 for count in model.sensors_of_rigs):
-        notes.append("Cameras of a rig are oriented independently: orip knows no rigs.")
     if _has_few_digits(model.points):
         notes.append(
             "Coordinates are large and have six digits, as COLMAP wrote them before version 3.8: export the model "

@@ -24,7 +24,7 @@ def cameras_from_text(data: bytes, shown: str) -> Parsed[tuple[ColmapCamera, ...
     """Read cameras.txt: ``ID MODEL COLUMNS ROWS PARAMETERS``."""
     lines = decode_lines(data, shown)
     cameras, complaints = [], list(lines.complaints)
-    for number, line in _records(lines.value):
+    for number, line in records(lines.value):
         found = _camera(line.split())
         if isinstance(found, str):
             complaints.append(Complaint(found, shown, number))
@@ -64,7 +64,7 @@ def points_from_text(data: bytes, shown: str) -> Parsed[ColmapPoints]:
     heads: list[str] = []
     tracks: list[str] = []
     lengths, numbers = [], []
-    for number, line in _records(lines.value):
+    for number, line in records(lines.value):
         fields = line.split()
         if len(fields) < _POINT_FIELDS or len(fields) % 2:
             message = f"this line has {len(fields)} fields; write ID X Y Z R G B ERROR, then pairs of IMAGE KEYPOINT"
@@ -98,20 +98,6 @@ def points_from_text(data: bytes, shown: str) -> Parsed[ColmapPoints]:
     )
 
 
-def rigs_from_text(data: bytes, shown: str) -> Parsed[tuple[int, ...]]:
-    """Read the numbers of sensors in rigs.txt."""
-    lines = decode_lines(data, shown)
-    sensors, complaints = [], list(lines.complaints)
-    for number, line in _records(lines.value):
-        fields = line.split()
-        count = _whole(fields[1]) if len(fields) > 1 else None
-        if count is None:
-            complaints.append(Complaint("a rig has an ID and a number of sensors", shown, number))
-        else:
-            sensors.append(count)
-    return Parsed(tuple(sensors), tuple(complaints))
-
-
 class _KeypointFault:
     """What is wrong in a line of keypoints, and in which column."""
 
@@ -119,7 +105,8 @@ class _KeypointFault:
         self.message, self.column = message, column
 
 
-def _records(lines: Sequence[str]) -> Iterator[tuple[int, str]]:
+def records(lines: Sequence[str]) -> Iterator[tuple[int, str]]:
+    """Return the lines of records with their numbers."""
     return (
         (number, line) for number, line in enumerate(lines, 1) if line.strip() and not line.lstrip().startswith("#")
     )
@@ -136,10 +123,10 @@ def _camera(fields: Sequence[str]) -> ColmapCamera | str:
             f"{fields[1]} has {len(model.parameters)} parameters ({' '.join(model.parameters)}), but {len(fields) - 4} "
             "are here"
         )
-    identity, columns, rows = (_whole(fields[n]) for n in (0, 2, 3))
+    identity, columns, rows = (whole_number(fields[n]) for n in (0, 2, 3))
     if identity is None or columns is None or rows is None:
         return "the ID, the columns and the rows of a camera are whole numbers"
-    parameters = [_number(field) for field in fields[4:]]
+    parameters = [decimal_number(field) for field in fields[4:]]
     known = [value for value in parameters if value is not None]
     if len(known) < len(parameters):
         return "a parameter of the camera is not a number"
@@ -150,8 +137,8 @@ def _image(line: str, keypoints: str) -> ColmapImage | _KeypointFault | str:
     fields = line.split(maxsplit=_IMAGE_FIELDS - 1)
     if len(fields) < _IMAGE_FIELDS:
         return f"this line has {len(fields)} fields; write ID QW QX QY QZ TX TY TZ CAMERA NAME"
-    identity, camera = _whole(fields[0]), _whole(fields[8])
-    pose = [_number(field) for field in fields[1:8]]
+    identity, camera = whole_number(fields[0]), whole_number(fields[8])
+    pose = [decimal_number(field) for field in fields[1:8]]
     known = [value for value in pose if value is not None]
     if identity is None or camera is None or len(known) < len(pose):
         return "the ID and the camera of an image are whole numbers, its pose is 7 numbers"
@@ -193,7 +180,7 @@ def _numbers(texts: Sequence[str]) -> FloatArray:
     try:
         return np.array(texts, dtype=np.float64)
     except ValueError:
-        return np.array([math.nan if (value := _number(text)) is None else value for text in texts])
+        return np.array([math.nan if (value := decimal_number(text)) is None else value for text in texts])
 
 
 def _field_faults(
@@ -212,7 +199,8 @@ def _field_faults(
     return faults
 
 
-def _number(text: str) -> float | None:
+def decimal_number(text: str) -> float | None:
+    """Return the finite number that a field is; None if it is none."""
     try:
         value = float(text)
     except ValueError:
@@ -220,7 +208,8 @@ def _number(text: str) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _whole(text: str) -> int | None:
+def whole_number(text: str) -> int | None:
+    """Return the whole number that a field is; None if it is none."""
     return int(text) if _WHOLE.fullmatch(text) else None
 
 

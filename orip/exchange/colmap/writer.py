@@ -20,6 +20,8 @@ from orip.exchange.colmap.model import (
     ColmapPoints,
 )
 from orip.exchange.colmap.reader import PARTS, Form, form_of, model_folder, read_folder
+from orip.exchange.colmap.rig_files import rig_files
+from orip.exchange.colmap.rigs import is_same_pose, with_rigs
 from orip.exchange.sources.names import distinct_names
 from orip.files.text.lines import read_bytes
 from orip.number_text import shortest_texts
@@ -47,7 +49,7 @@ _POINTS_HEAD = """\
 
 
 def model_files(model: ColmapModel, form: Form, before: Mapping[str, bytes] | None = None) -> dict[str, bytes]:
-    """Return cameras, images and points3D by the names of their files.
+    """Return cameras, images, points3D and, where there are some, rigs and frames by the names of their files.
 
     Parameters
     ----------
@@ -61,11 +63,13 @@ def model_files(model: ColmapModel, form: Form, before: Mapping[str, bytes] | No
             "cameras.bin": b"".join(_binary_cameras(model)),
             "images.bin": b"".join(_binary_images(model)),
             "points3D.bin": b"".join(_binary_points(model.points)),
+            **rig_files(model, is_binary=True),
         }
     texts = {
         "cameras.txt": _CAMERAS_HEAD.format(len(model.cameras)) + "".join(map(_camera_line, model.cameras)),
         "images.txt": _images_head(model) + "".join(map(_image_lines, model.images)),
         "points3D.txt": _points_head(model) + "".join(_point_lines(model.points)),
+        **{name: data.decode() for name, data in rig_files(model, is_binary=False).items()},
     }
     original = before or {}
     return {name: _as_before(text, original.get(name)).encode("utf-8") for name, text in texts.items()}
@@ -169,9 +173,6 @@ def _binary_points(points: ColmapPoints) -> Iterator[bytes]:
         start = end
 
 
-_SAME_POSE = 1e-11
-"""Of a quaternion and, relative to its size, of a translation: angles and centres were written and read again."""
-
 _MODELS_WRITTEN = (
     "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "FULL_OPENCV",
     "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "OPENCV_FISHEYE", "THIN_PRISM_FISHEYE",
@@ -196,7 +197,8 @@ def write_model(project: ExchangedProject, original: Path | None) -> Mapping[str
     if parsed.complaints:
         raise InputError(parsed.complaints)
     form = form_of(folder) or "bin"
-    before = {f"{part}.{form}": read_bytes(folder / f"{part}.{form}", "")[0] or b"" for part in PARTS}
+    names = [f"{part}.{form}" for part in (*PARTS, "rigs", "frames")]
+    before = {name: read_bytes(folder / name, "")[0] or b"" for name in names if (folder / name).is_file()}
     return model_files(updated_model(parsed.value, project), form, before)
 
 
@@ -232,7 +234,8 @@ def new_model(project: ExchangedProject) -> ColmapModel:
         *_tracks(images, point_ids),
     )
     known = np.isfinite(points.coordinates).all(axis=1) & (points.lengths > 0)
-    return _without_points(ColmapModel(cameras, tuple(images), points), ~known)
+    model = _without_points(ColmapModel(cameras, tuple(images), points), ~known)
+    return with_rigs(model, project, None)
 
 
 def updated_model(original: ColmapModel, project: ExchangedProject) -> ColmapModel:
@@ -247,18 +250,14 @@ def updated_model(original: ColmapModel, project: ExchangedProject) -> ColmapMod
     model = ColmapModel(
         tuple(_updated_camera(camera, cameras.get(str(camera.id))) for camera in original.cameras), images, points
     )
-    return _without_rays(_without_points(model, gone), project)
+    return with_rigs(_without_rays(_without_points(model, gone), project), project, original)
 
 
 def _updated_image(image: ColmapImage, photo: ExchangedPhoto | None) -> ColmapImage:
     if photo is None:
         return image
-    pose, old = np.array(_pose(photo)), np.array(image.pose)
-    same_rotation = abs(abs(float(pose[:4] @ old[:4])) / float(np.linalg.norm(old[:4])) - 1.0) < _SAME_POSE**2 + 1e-15
-    size = max(1.0, float(np.abs(old[4:]).max()))
-    if same_rotation and np.abs(pose[4:] - old[4:]).max() <= _SAME_POSE * size:
-        return image
-    return replace(image, pose=tuple(pose.tolist()))
+    pose = _pose(photo)
+    return image if is_same_pose(pose, image.pose) else replace(image, pose=pose)
 
 
 def _updated_camera(old: ColmapCamera, new: ExchangedCamera | None) -> ColmapCamera:

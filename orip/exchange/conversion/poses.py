@@ -43,7 +43,7 @@ def orip_poses(photos: Sequence[ExchangedPhoto], reading: PoseReading) -> tuple[
     if turned:
         given = _matrices(np.array([photos[n].rotation for n in turned], dtype=np.float64), reading)
         to_ground = given if reading.sense == "to_ground" else np.swapaxes(given, -1, -2)
-        rotations[turned] = to_ground @ _TURNED if reading.camera_axes == "y_down" else to_ground
+        rotations[turned] = to_ground @ camera_axes(reading)
     if placed:
         centres[placed] = np.array([photos[n].position for n in placed], dtype=np.float64)
     if reading.position == "translation":
@@ -56,7 +56,7 @@ def exchanged_poses(rotations: FloatArray, centres: FloatArray, reading: PoseRea
 
     A quaternion has w >= 0.
     """
-    to_ground = rotations @ _TURNED if reading.camera_axes == "y_down" else rotations
+    to_ground = rotations @ camera_axes(reading)
     to_camera = np.swapaxes(to_ground, -1, -2)
     position = centres
     if reading.position == "translation":
@@ -64,9 +64,14 @@ def exchanged_poses(rotations: FloatArray, centres: FloatArray, reading: PoseRea
     return _numbers(to_ground if reading.sense == "to_ground" else to_camera, reading), position
 
 
+def camera_axes(reading: PoseReading) -> FloatArray:
+    """Return the rotation (3, 3) between a reading's camera axes and orip's, its own inverse."""
+    return _TURNED if reading.camera_axes == "y_down" else np.eye(3)
+
+
 def camera_to_ground_vectors(rotations: FloatArray, reading: PoseReading) -> FloatArray:
     """Return the rotation vectors (n, 3), radians, from a reading's camera axes to the ground, of orip's R."""
-    return rotation_vectors(rotations @ _TURNED if reading.camera_axes == "y_down" else rotations)
+    return rotation_vectors(rotations @ camera_axes(reading))
 
 
 def other_readings(reading: PoseReading) -> tuple[PoseReading, ...]:
@@ -105,7 +110,7 @@ def described_reading(reading: PoseReading) -> str:
 
 def _camera_rotations(rotations: FloatArray, reading: PoseReading, translation: FloatArray) -> FloatArray:
     """Return translations in the camera's axes turned to the ground."""
-    to_ground = rotations @ _TURNED if reading.camera_axes == "y_down" else rotations
+    to_ground = rotations @ camera_axes(reading)
     turned: FloatArray = (to_ground @ translation[:, :, None])[:, :, 0]
     return turned
 

@@ -13,6 +13,7 @@ import numpy as np
 from msgspec import Struct
 
 from orip.arrays import FloatArray
+from orip.exchange.metashape.rigs import slave_matrix
 from orip.exchange.sources.xml_tree import XmlElement, XmlFields, is_true
 from orip.files.text.shown import shown_token
 from orip.records.control import IN_PROJECT, NOT_GIVEN, ControlDistance, ControlPoint, Station, StationReference
@@ -97,6 +98,8 @@ class ChunkReader:
         self.crs = _text(chunk, "reference")
         self.accuracies = self._accuracies()
         self._transforms = self._read_transforms()
+        self._sensors = dict(self.sensors())
+        self._cameras = {camera.attributes.get("id", ""): camera for camera in self.cameras()}
 
     @property
     def is_on_the_ground(self) -> bool:
@@ -250,9 +253,18 @@ class ChunkReader:
 
     def _matrix(self, camera: XmlElement) -> FloatArray | None:
         if camera.child("transform") is None:
-            return None
+            return self._matrix_on_rig(camera)
         values = self._fields.decimals(camera, "transform", 16)
         return None if values is None else np.array(values).reshape(4, 4)
+
+    def _matrix_on_rig(self, camera: XmlElement) -> FloatArray | None:
+        """Return the matrix of a slave camera from that of its master."""
+        master = self._cameras.get(camera.attributes.get("master_id", ""))
+        sensor = self._sensors.get(camera.attributes.get("sensor_id", ""))
+        if master is None or sensor is None or master.child("transform") is None:
+            return None
+        of_master, of_sensor = self._matrix(master), slave_matrix(sensor, self._fields)
+        return None if of_master is None or of_sensor is None else of_master @ of_sensor
 
     def _location_deviation(self, camera: XmlElement, transform: ChunkTransform) -> tuple[float, float, float] | None:
         if camera.child("location_covariance") is None:

@@ -15,6 +15,7 @@ from orip.errors import Complaint
 from orip.exchange.metashape.chunk import LEAST_RADIUS, ChunkReader, Marker, chunk_of
 from orip.exchange.metashape.project_files import TieCloud, is_project, read_project_chunk
 from orip.exchange.metashape.references import reference_tables_beside, with_references
+from orip.exchange.metashape.rigs import exposures_of_cameras, is_rolling, rigs_of_sensors
 from orip.exchange.metashape.sensors import read_sensor
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays
 from orip.exchange.sources.text import Faults
@@ -23,7 +24,7 @@ from orip.files.text.regular_file import beginning
 from orip.files.text.shown import Parsed, shown_token
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, PoseReading
 from orip.structs import replace
-from orip.wording import counted
+from orip.wording import counted, counted_names
 
 Vertices = np.ndarray[Any, Any]
 """Array (n,) whose fields are the properties of the vertices."""
@@ -262,7 +263,7 @@ def project_of(document: Document, markers: Document) -> ExchangedProject | None
     """Return the project of a document and of one with its markers; None if no photo of it is oriented."""
     chunk = document.chunk
     notes = list(document.notes)
-    cameras, places = _cameras(document)
+    cameras, places = _cameras(document, notes)
     photos, keys = _photos(document, places, notes)
     if not photos:
         return None
@@ -312,18 +313,29 @@ def project_of(document: Document, markers: Document) -> ExchangedProject | None
         ground_unit="m" if chunk.is_on_the_ground else "unit",
         frame=frame,
         precision=chunk.accuracies.ties or 1.0,
+        rigs=rigs_of_sensors(tuple(chunk.sensors()), places),
+        exposures=exposures_of_cameras(chunk.cameras(), {str(key): place for key, place in keys.items()}),
         notes=tuple(notes),
     )
 
 
-def _cameras(document: Document) -> tuple[tuple[ExchangedCamera, ...], dict[str, int]]:
+def _cameras(document: Document, notes: list[str]) -> tuple[tuple[ExchangedCamera, ...], dict[str, int]]:
     cameras: list[ExchangedCamera] = []
+    rolling: list[str] = []
     places: dict[str, int] = {}
     for key, element in document.chunk.sensors():
         camera = read_sensor(element, document.fields)
         if camera is not None:
             places[key] = len(cameras)
             cameras.append(camera)
+            if is_rolling(element):
+                rolling.append(camera.name)
+    if rolling:
+        notes.append(
+            f"Metashape compensates the rolling shutter of {counted_names('sensor', rolling)}, and the file has no "
+            "times: photos are oriented as Metashape has them. To have it in orip, give stations with times, and the "
+            "camera its readout."
+        )
     return tuple(cameras), places
 
 

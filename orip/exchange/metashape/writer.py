@@ -16,6 +16,7 @@ from orip.arrays import FloatArray
 from orip.errors import InputError
 from orip.exchange.metashape.chunk import ChunkReader, ChunkTransform, chunk_of
 from orip.exchange.metashape.project_files import is_project
+from orip.exchange.metashape.rigs import masters_of_photos, mount, mounted_on, require_rigs
 from orip.exchange.metashape.sensors import PARAMETERS
 from orip.exchange.sources.text import Faults
 from orip.exchange.sources.xml_tree import SAME, PlacedElement, XmlEdit, XmlFields, xml_of
@@ -61,10 +62,22 @@ def copied_document(project: ExchangedProject, path: Path) -> bytes:
         raise InputError(faults.complaints)
     placed = next(edit.root.within("chunk"))
     cameras, sensors = _wanted(project)
-    for label, element in _labelled(placed, "cameras", "camera", cameras, path):
+    found = list(_labelled(placed, "cameras", "camera", cameras, path))
+    require_rigs(project, found, path)
+    for label, element in found:
         _move(edit, element, cameras[label], reader.transform(element.attributes.get("component_id")))
-    for label, element in _labelled(placed, "sensors", "sensor", sensors, path):
+    scale = reader.transform(None).scale
+    place_of_id: dict[str, int] = {}
+    place = {camera.name: n for n, camera in enumerate(project.cameras)}
+    found = list(_labelled(placed, "sensors", "sensor", sensors, path))
+    for label, element in found:
+        place_of_id[element.attributes.get("id", "")] = place[label]
         _calibrate(edit, element, sensors[label], path)
+    for label, element in found:
+        master = place_of_id.get(element.attributes.get("master_id", ""))
+        matrix = None if master is None else mounted_on(project, place[label], master)
+        if matrix is not None:
+            mount(edit, element, matrix, scale)
     return edit.result()
 
 
@@ -283,13 +296,16 @@ def write_metashape(project: ExchangedProject, original: Path | None) -> Mapping
 def _document(project: ExchangedProject) -> Iterator[str]:
     yield '<?xml version="1.0" encoding="UTF-8"?>\n<document version="1.5.0">'
     yield f'<chunk label={quoteattr(project.name or "Chunk 1")} enabled="true">\n<sensors>'
+    masters = {one.camera: rig.mountings[0].camera for rig in project.rigs for one in rig.mountings[1:]}
     for number, camera in enumerate(project.cameras):
-        yield from _sensor(number, camera)
+        master = masters.get(number)
+        yield from _sensor(number, camera, master, None if master is None else mounted_on(project, number, master))
     yield '</sensors>\n<components>\n<component id="0" label="Component 1"><transform>'
     yield f"<rotation>{_IDENTITY}</rotation><translation>0 0 0</translation><scale>1</scale>"
     yield "</transform></component>\n</components>\n<cameras>"
+    of_photo = masters_of_photos(project)
     for number, photo in enumerate(project.photos):
-        yield from _camera(number, photo)
+        yield from _camera(number, photo, of_photo.get(number))
     yield "</cameras>\n<markers>"
     control = {point.name: point for point in project.control}
     marks = project.points.marks
@@ -300,10 +316,11 @@ def _document(project: ExchangedProject) -> Iterator[str]:
     yield f"</markers>\n</frame>\n</frames>\n<reference>{_LOCAL}</reference>\n</chunk>\n</document>"
 
 
-def _sensor(number: int, camera: ExchangedCamera) -> Iterator[str]:
+def _sensor(number: int, camera: ExchangedCamera, master: int | None, matrix: FloatArray | None) -> Iterator[str]:
     kind = "fisheye" if camera.lens == "agisoft_fisheye" else "frame"
     size = f'width="{camera.columns}" height="{camera.rows}"'
-    yield f'<sensor id="{number}" label={quoteattr(camera.name)} type="{kind}">\n<resolution {size}/>'
+    on_rig = "" if master is None or matrix is None else f' master_id="{master}"'
+    yield f'<sensor id="{number}"{on_rig} label={quoteattr(camera.name)} type="{kind}">\n<resolution {size}/>'
     if camera.sensor_mm is not None:
         # of square pixels: b1 says how much wider they are
         pixel = camera.sensor_mm[1] / camera.rows
@@ -311,7 +328,11 @@ def _sensor(number: int, camera: ExchangedCamera) -> Iterator[str]:
     yield f'<calibration type="{kind}" class="adjusted">\n<resolution {size}/>'
     values = sensor_parameters(camera)
     yield "".join(f"<{name}>{values[name]!r}</{name}>" for name in PARAMETERS if values[name] or name == "f")
-    yield "</calibration>\n</sensor>"
+    yield "</calibration>"
+    if on_rig and matrix is not None:
+        rotation, translation = (" ".join(map(repr, part.ravel().tolist())) for part in (matrix[:3, :3], matrix[:3, 3]))
+        yield f"<rotation>{rotation}</rotation>\n<translation>{translation}</translation>"
+    yield "</sensor>"
 
 
 def sensor_parameters(camera: ExchangedCamera) -> dict[str, float]:
@@ -320,8 +341,11 @@ def sensor_parameters(camera: ExchangedCamera) -> dict[str, float]:
     return {**values, "cx": values["cx"] - camera.columns / 2.0, "cy": values["cy"] - camera.rows / 2.0}
 
 
-def _camera(number: int, photo: ExchangedPhoto) -> Iterator[str]:
+def _camera(number: int, photo: ExchangedPhoto, master: int | None) -> Iterator[str]:
     begin = f'<camera id="{number}" sensor_id="{photo.camera}" component_id="0" label={quoteattr(photo.name)}'
+    if master is not None:
+        yield f'{begin} master_id="{master}"/>'
+        return
     if not photo.rotation:
         yield f"{begin}/>"
         return

@@ -13,6 +13,7 @@ from msgspec import Struct
 
 from orip.errors import Complaint
 from orip.exchange.opensfm.control_marks import crs_of_heading
+from orip.exchange.opensfm.rigs import RigReader
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays
 from orip.exchange.sources.json_tree import JsonValue, read_json
 from orip.exchange.sources.text import Faults
@@ -20,7 +21,16 @@ from orip.files.text.decimal_numbers import LARGEST_NUMBER
 from orip.files.text.regular_file import beginning
 from orip.files.text.shown import Parsed, shown_token
 from orip.records.control import Station
-from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, GroundFrame, Lens, PoseReading
+from orip.records.exchanged import (
+    ExchangedCamera,
+    ExchangedExposure,
+    ExchangedPhoto,
+    ExchangedProject,
+    ExchangedRig,
+    GroundFrame,
+    Lens,
+    PoseReading,
+)
 
 # Lengths of a camera are divided by the longer side of its photos and counted from their centre, y down. A photo has a
 # rotation vector from ground to camera and a translation. Coordinates are east, north and up at ``reference_lla``.
@@ -64,6 +74,8 @@ class Reconstruction(Struct, frozen=True):
     stations : tuple of Station
         Positions observed by GNSS, in the frame.
     frame : GroundFrame
+    rigs : tuple of ExchangedRig
+    exposures : tuple of ExchangedExposure
     notes : tuple of str
     """
 
@@ -72,6 +84,8 @@ class Reconstruction(Struct, frozen=True):
     points: dict[str, tuple[float, ...]]
     stations: tuple[Station, ...]
     frame: GroundFrame
+    rigs: tuple[ExchangedRig, ...] = ()
+    exposures: tuple[ExchangedExposure, ...] = ()
     notes: tuple[str, ...] = ()
 
 
@@ -87,7 +101,10 @@ def largest_reconstruction(document: JsonValue) -> Reconstruction | None:
     cameras = _cameras(largest)
     places = {camera.name: place for place, camera in enumerate(cameras)}
     photos, stations = _photos(largest, places)
-    return Reconstruction(cameras, photos, _points(largest), stations, _frame(largest), notes)
+    rigs = RigReader(largest, cameras, photos)
+    return Reconstruction(
+        rigs.cameras, rigs.photos, _points(largest), stations, _frame(largest), rigs.rigs, rigs.exposures, notes
+    )
 
 
 def _notes(largest: JsonValue, parts: list[JsonValue]) -> tuple[str, ...]:
@@ -96,11 +113,6 @@ def _notes(largest: JsonValue, parts: list[JsonValue]) -> tuple[str, ...]:
     if others:
         sizes = ", ".join(map(str, sorted(others, reverse=True)[:10]))
         notes.append(f"Of {len(parts)} reconstructions the largest was taken; the others have {sizes} photos.")
-    instances = largest.value.get("rig_instances")
-    if isinstance(instances, dict) and any(
-        isinstance(rig, dict) and len(rig.get("rig_camera_ids") or ()) > 1 for rig in instances.values()
-    ):
-        notes.append("The photos of a rig are independent of one another here: orip has no rigs.")
     return tuple(notes)
 
 

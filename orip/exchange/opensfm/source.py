@@ -197,6 +197,8 @@ def _project(
         ground_unit="m",
         frame=reconstruction.frame,
         precision=precision,
+        rigs=reconstruction.rigs,
+        exposures=reconstruction.exposures,
         notes=tuple(notes),
     )
 

@@ -13,6 +13,7 @@ import numpy as np
 from orip.errors import InputError
 from orip.exchange.format import require_without
 from orip.exchange.opensfm.reconstruction import is_shots_geojson, largest_reconstruction
+from orip.exchange.opensfm.rigs import as_written, is_same, set_rigs
 from orip.exchange.opensfm.source import reconstruction_file
 from orip.exchange.sources.json_tree import read_json
 from orip.exchange.sources.names import distinct_names
@@ -20,8 +21,8 @@ from orip.exchange.sources.text import Faults
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject
 
 _NAME = "reconstruction.json"
-_SAME = 1e-11
-"""Relative; numbers that were written and read again differ by less."""
+_NOTHING = 1e-11
+"""Parameters that are smaller are none."""
 
 _RADIAL = ("k1", "k2", "k3")
 _DECENTRING = ("p1", "p2")
@@ -87,6 +88,7 @@ def _new(project: ExchangedProject) -> dict[str, Any]:
     names = distinct_names(project.points)
     for row, values in _points(project).items():
         found["points"][names[row]] = {"color": _GREY, **values}
+    set_rigs(found, project)
     return found
 
 
@@ -116,15 +118,17 @@ def _update(part: dict[str, Any], project: ExchangedProject) -> None:
             continue
         before = _pose(shot)
         for key, values in (("rotation", photo.rotation), ("translation", photo.position)):
-            shot[key] = _kept(shot.get(key), values)
+            shot[key] = as_written(shot.get(key), values)
         shot.update(_precision(photo))
+        shot["camera"] = project.cameras[photo.camera].name
         if before != _pose(shot):
             _follow(part.get("rig_instances"), photo.name, before, shot)
+    set_rigs(part, project)
     coordinates_of = _points(project)
     points = {name: coordinates_of[row] for name, row in project.points.tracks.items() if row in coordinates_of}
     kept = {name: point for name, point in (part.get("points") or {}).items() if name in points}
     for name, point in kept.items():
-        coordinates = _kept(point.get("coordinates"), points[name]["coordinates"])
+        coordinates = as_written(point.get("coordinates"), points[name]["coordinates"])
         point.update(points[name] | {"coordinates": coordinates})
     part["points"] = kept
 
@@ -162,24 +166,12 @@ def _follow(instances: object, name: str, before: tuple[Any, Any], shot: dict[st
         if not isinstance(ids, dict) or list(ids) != [name] or before[0] is None or before[1] is None:
             continue
         rotation, translation = _pose(instance)
-        if _is_same(rotation, before[0]) and _is_same(translation, before[1]):
+        if is_same(rotation, before[0]) and is_same(translation, before[1]):
             instance["rotation"], instance["translation"] = shot["rotation"], shot["translation"]
 
 
 def _pose(owner: dict[str, Any]) -> tuple[Any, Any]:
     return owner.get("rotation"), owner.get("translation")
-
-
-def _kept(old: Any, new: Any) -> list[float]:
-    """Return the old numbers if the new ones are equal up to rounding."""
-    return list(old) if _is_same(old, new) else list(new)
-
-
-def _is_same(old: Any, new: Any) -> bool:
-    if not isinstance(old, list) or len(old) != len(new) or not all(isinstance(one, int | float) for one in old):
-        return False
-    size = max(1.0, *(abs(value) for value in new))
-    return all(abs(first - second) <= _SAME * size for first, second in zip(old, new, strict=True))
 
 
 def _updated_camera(old: dict[str, Any], camera: ExchangedCamera) -> dict[str, Any]:
@@ -191,11 +183,11 @@ def _updated_camera(old: dict[str, Any], camera: ExchangedCamera) -> dict[str, A
     if old.get("projection_type") == "perspective":
         own["focal"] = brown["focal_x"]
         extra = ("c_x", "c_y", "k3", "p1", "p2")
-        if brown["focal_x"] != brown["focal_y"] or any(abs(brown[key]) > _SAME for key in extra):
+        if brown["focal_x"] != brown["focal_y"] or any(abs(brown[key]) > _NOTHING for key in extra):
             return brown
     elif old.get("projection_type") != "brown":
         return brown
-    same = {key: old[key] for key, value in own.items() if _is_same([old.get(key)], [value])}
+    same = {key: old[key] for key, value in own.items() if is_same([old.get(key)], [value])}
     return old | own | same
 
 
@@ -207,13 +199,13 @@ def _updated_fisheye(old: dict[str, Any], camera: ExchangedCamera) -> dict[str, 
     new = _fisheye(camera)
     if old.get("projection_type") == "fisheye":
         extra = ("c_x", "c_y", "k3", "k4", *_DECENTRING)
-        if abs(new["focal_x"] - new["focal_y"]) > _SAME or any(abs(new.get(key, 0.0)) > _SAME for key in extra):
+        if abs(new["focal_x"] - new["focal_y"]) > _NOTHING or any(abs(new.get(key, 0.0)) > _NOTHING for key in extra):
             return new
         new["focal"] = new["focal_x"]
     elif old.get("projection_type") != new["projection_type"]:
         return new
     own = {key: new[key] for key in old if key in new and key not in ("projection_type", "width", "height")}
-    return old | {key: value for key, value in own.items() if not _is_same([old.get(key)], [value])}
+    return old | {key: value for key, value in own.items() if not is_same([old.get(key)], [value])}
 
 
 def _fisheye(camera: ExchangedCamera) -> dict[str, Any]:

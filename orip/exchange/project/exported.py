@@ -191,6 +191,8 @@ def _lost(bundle: BundleState, project: ExchangedProject, conventions: Conventio
     lost = [counted(counts[what], what.removesuffix("s")) for what in conventions.lacks if counts[what]]
     if lost:
         yield f"Not written, as the format has no place for it: {', '.join(lost)}."
+    if project.rigs and conventions.lens is not None and not conventions.has_rigs:
+        yield "The format has no rigs: their photos are written one by one, where the rigs have them."
 
 
 def _require_files_of_its_own(files: Mapping[str, bytes], found: Format) -> None:

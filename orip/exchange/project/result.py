@@ -15,10 +15,11 @@ from orip.exchange.conversion.poses import exchanged_poses
 from orip.exchange.conversion.result_figures import error_ellipses, footprint, rotation_vector_covariances
 from orip.exchange.format import Conventions
 from orip.exchange.project.given import cameras_with_frames, given_control, given_stations, measured_pixels
+from orip.exchange.project.rigs import exchanged_exposures, exchanged_rigs
 from orip.exchange.sources.names import NamesTable
 from orip.geometry.ground_frame import GroundFrame, ground_frame
 from orip.geometry.rotation import axes_rotation_from_angle_rates, rotation_from_angles
-from orip.records.camera import Camera
+from orip.records.camera import CAMERA_PARAMETERS, Camera
 from orip.records.coded_names import coded
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedPoints, ExchangedProject, ExchangedRays
 from orip.records.names import record_key
@@ -28,6 +29,8 @@ from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE
 from orip.wording import agreeing, counted, counted_names
 from orip.workflow.project.bundle_state import BundleState
+
+_READOUT = CAMERA_PARAMETERS.index("READOUT")
 
 _LARGE_MISFIT_PX = 0.001
 """Differences of a camera that are worth a note."""
@@ -75,6 +78,7 @@ def exchanged_result(
     notes = [
         *_notes_on_cameras(exported, conventions, corrects_distortion=corrects_distortion),
         *_notes_on_staleness(bundle),
+        *_notes_on_readouts(adjusted, conventions),
     ]
     frame = _local_frame(bundle, adjusted.solution) if conventions.is_cartesian else None
     if frame is not None:
@@ -104,6 +108,8 @@ def exchanged_result(
         station_reference=reference,
         crs=definition.crs if frame is None else None,
         ground_unit=definition.ground_unit,
+        rigs=exchanged_rigs(adjusted.solution, definition.rigs, list(exported), conventions.reading),
+        exposures=exchanged_exposures(adjusted.solution, definition.rigs),
         notes=(*notes, *lost),
     )
 
@@ -182,6 +188,15 @@ def _notes_on_cameras(
             f"The format has no principal point: measurements of {counted_names('camera', moved)} count from it."
         )
     return found
+
+
+def _notes_on_readouts(adjusted: _Adjusted, conventions: Conventions) -> list[str]:
+    found = [camera.name for camera in adjusted.cameras.values() if camera.parameters[_READOUT]]
+    if conventions.lens is None or not found:
+        return []
+    return [
+        f"The format has no readout time: photos of {counted_names('camera', found)} are oriented as their middle row."
+    ]
 
 
 def _notes_on_staleness(bundle: BundleState) -> list[str]:

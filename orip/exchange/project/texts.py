@@ -12,6 +12,7 @@ from orip.arrays import BoolArray, rows_of_groups
 from orip.exchange.conversion.cameras import ConvertedCamera
 from orip.exchange.conversion.poses import described_reading
 from orip.exchange.project.block import ImportedBlock
+from orip.exchange.project.rigs import imported_rigs
 from orip.exchange.sources.names import NAMES_FILE, TRACK_MARK, is_named_as_track, names_text, unique_names
 from orip.files.control.preliminary_text import coordinates_text
 from orip.files.control.stations_text import stations_text
@@ -134,6 +135,7 @@ def _definition(
         photos=tuple(_photos(block)),
         bundles=(bundle,),
         antennas=_antennas(block),
+        rigs=imported_rigs(block),
     )
 
 
@@ -324,6 +326,7 @@ def summary_lines(block: ImportedBlock) -> list[str]:
     """Return what was imported and how it fits, a line each."""
     project, found = block.project, block.found
     counts = [(len(project.photos), "photo"), (len(project.points.names), "point"), (len(project.rays.photo), "ray")]
+    counts += [(len(project.rigs), "rig")] if project.rigs else []
     lines = [", ".join(counted(number, noun) for number, noun in counts)]
     if found.lengths.size:
         lines.append(f"reprojection RMS {found.rms:.4g} px{_stated(block)}")

@@ -7,12 +7,15 @@ from array import array
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
+from typing import TypeVar
 
 import numpy as np
 
 from orip.arrays import FloatArray, IntArray
 from orip.records.exchanged import ExchangedPoints, ExchangedProject, ExchangedRays
 from orip.wording import counted, first_names
+
+T = TypeVar("T")
 
 
 def tracks(project: ExchangedProject) -> Iterator[tuple[int, IntArray]]:
@@ -33,6 +36,22 @@ def places_in_photos(project: ExchangedProject) -> IntArray:
     first = np.searchsorted(photo[order], photo[order])
     found = np.empty(len(photo), dtype=np.int64)
     found[order] = np.arange(len(photo)) - first
+    return found
+
+
+def together(groups: Iterable[Sequence[T]]) -> list[list[T]]:
+    """Return what was ever in one group with something else, those that hang together as one list; others are in none.
+
+    Cameras of a rig in files that name no rigs are such: those that took photos at the same instant.
+    """
+    found: list[list[T]] = []
+    for group in groups:
+        own = list(dict.fromkeys(group))
+        if len(own) < 2:
+            continue
+        touched = [one for one in found if any(item in one for item in own)]
+        merged = list(dict.fromkeys([item for one in touched for item in one] + own))
+        found = [one for one in found if one not in touched] + [merged]
     return found
 
 

@@ -20,6 +20,7 @@ from orip.errors import Complaint
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays
 from orip.exchange.sources.json_tree import JsonValue
 from orip.exchange.vision.opf_documents import Documents, Ground, Vector, by_id, identity, path_of, read_ground, vector
+from orip.exchange.vision.opf_rigs import read_rigs
 from orip.exchange.vision.opf_tracks import add_tracks
 from orip.files.text.shown import Parsed, shown_token
 from orip.records.control import (
@@ -86,9 +87,10 @@ def read_opf(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
 def _project(documents: Documents, root: JsonValue) -> ExchangedProject:
     ground = read_ground(documents)
     images = _images(documents)
-    sensors = {key: _sensor(value) for key, value in by_id(documents.parts("input-cameras", "sensors", is_needed=True))}
+    inputs = dict(by_id(documents.parts("input-cameras", "sensors", is_needed=True)))
+    sensors = {key: _sensor(value) for key, value in inputs.items()}
     captures = dict(by_id(documents.parts("input-cameras", "captures")))
-    cameras, photos, place_of_id = _oriented(documents, images, sensors, ground)
+    cameras, photos, place_of_id, place_of_sensor = _oriented(documents, images, sensors, ground)
     if not photos and not documents.complaints:
         root.complain("no photo is calibrated; there is nothing to import")
     points, rays = CollectedPoints(), CollectedRays()
@@ -96,6 +98,8 @@ def _project(documents: Documents, root: JsonValue) -> ExchangedProject:
     control = list(_control(documents, ground, place_of_id, points, rays))
     stations = list(_stations(documents, captures, ground, {key: photos[n].name for key, n in place_of_id.items()}))
     distances = list(_distances(documents, ground, points))
+    of_camera = {place: inputs[key] for key, place in place_of_sensor.items() if key in inputs}
+    rigs, exposures = read_rigs(list(captures.values()), of_camera, place_of_id, photos, ground.unit)
     taken = [seen for capture in captures.values() if (seen := capture.required("cameras")) is not None]
     lost = sum(identity(camera, "id") not in place_of_id for seen in taken for camera in seen.items())
     if lost:
@@ -113,6 +117,8 @@ def _project(documents: Documents, root: JsonValue) -> ExchangedProject:
         distances=tuple(distances),
         crs=ground.crs,
         ground_unit=ground.unit,
+        rigs=rigs,
+        exposures=exposures,
         notes=tuple(documents.notes),
     )
 
@@ -155,14 +161,13 @@ def _sensor(value: JsonValue) -> _Sensor | None:
 
 def _oriented(
     documents: Documents, images: Mapping[int, str], sensors: Mapping[int, _Sensor | None], ground: Ground
-) -> tuple[list[ExchangedCamera], list[ExchangedPhoto], dict[int, int]]:
-    """Return calibrated cameras and photos, and the places of photos by the identifiers of OPF's cameras."""
+) -> tuple[list[ExchangedCamera], list[ExchangedPhoto], dict[int, int], dict[int, int]]:
+    """Return calibrated cameras and photos, and the places of photos and cameras by OPF's identifiers."""
     cameras: list[ExchangedCamera] = []
     photos: list[ExchangedPhoto] = []
     place_of_sensor: dict[int, int] = {}
     place_of_id: dict[int, int] = {}
     taken_names: set[str] = set()
-    is_rig = False
     for document in documents.of("calibrated-cameras", is_needed=True):
         found, taken = document.required("sensors"), document.required("cameras")
         for key, value in by_id(found.items()) if found is not None else ():
@@ -170,17 +175,17 @@ def _oriented(
             if key not in sensors:
                 value.complain(f"there is no sensor {key} in input_cameras; export the project again")
             camera = None if sensor is None or internals is None else _camera(sensor, internals)
-            is_rig = is_rig or value.get("rig_relatives") is not None
             place_of_sensor[key] = len(cameras)
             cameras += [] if camera is None else [camera]
-        rolling = 0
+        rolling: list[float] = []
         for key, value in by_id(taken.items()) if taken is not None else ():
             sensor_id, position, angles = (
                 identity(value, "sensor_id"),
                 vector(value, "position"),
                 vector(value, "orientation_deg"),
             )
-            rolling += value.get("rolling_shutter") is not None
+            moved = None if value.get("rolling_shutter") is None else vector(value, "rolling_shutter")
+            rolling += [] if moved is None else [ground.length(math.hypot(*moved))]
             if sensor_id is None or position is None or angles is None:
                 continue
             if sensor_id not in place_of_sensor or key not in images:
@@ -194,10 +199,11 @@ def _oriented(
             place = ground.place(position)
             photos.append(ExchangedPhoto(images[key], place_of_sensor[sensor_id], angles, place, key=len(photos)))
         if rolling:
-            documents.notes.append(f"The rolling shutter of {counted(rolling, 'photo')} is left out.")
-    if is_rig:
-        documents.notes.append("The photos of a rig are independent of one another here: orip has no rigs.")
-    return cameras, photos, place_of_id
+            documents.notes.append(
+                f"The rolling shutter of {counted(len(rolling), 'photo')} is left out, which moved by up to "
+                f"{max(rolling):.3g} {ground.unit} while being read: give stations times, and the camera a readout."
+            )
+    return cameras, photos, place_of_id, place_of_sensor
 
 
 def _camera(sensor: _Sensor, internals: JsonValue) -> ExchangedCamera | None:

@@ -41,6 +41,7 @@ def project_definition(source: ProjectSource, project: ProjectTable) -> ProjectD
         control_files=project.name if project.control_files is None else project.control_files,
         measurement_files=project.measurement_files,
         ground_unit=project.ground_unit,
+        angle_unit=project.angle_unit,
         crs=project.crs,
         cameras=with_shared_lenses(camera.record for camera in source.cameras),
         temticks=tuple(temtick.record for temtick in source.temticks),
@@ -54,6 +55,7 @@ def project_definition(source: ProjectSource, project: ProjectTable) -> ProjectD
         gnss=source.gnss,
         imu=source.imu,
         antennas=tuple(antenna.record for antenna in source.antennas),
+        terrains=tuple(terrain.record for terrain in source.terrains),
         rigs=Rigs(tuple(rig.record for rig in source.rigs), tuple(found.record for found in source.exposures)),
         output_folder=project.output_folder,
     )
@@ -84,6 +86,7 @@ def project_document(definition: ProjectDefinition) -> TomlTable:
         "measurement_files": list(definition.measurement_files),
         "output_folder": definition.output_folder,
         "ground_unit": definition.ground_unit,
+        "angle_unit": None if definition.angle_unit == "degrees" else definition.angle_unit,
         "crs": definition.crs,
     }
     return {
@@ -98,6 +101,7 @@ def project_document(definition: ProjectDefinition) -> TomlTable:
         "template": [toml_of(template) for template in definition.templates],
         "photo": [toml_of(photo) for photo in definition.photos],
         "antenna": [toml_of(antenna) for antenna in definition.antennas],
+        "terrain": [toml_of(terrain) for terrain in definition.terrains],
         "rig": [toml_of(rig) for rig in definition.rigs.rigs],
         "exposure": [toml_of(exposure) for exposure in definition.rigs.exposures],
         "bundle": [toml_of(bundle) for bundle in definition.bundles],

@@ -9,6 +9,7 @@ from orip.files.project.source import ProjectSource
 from orip.files.project.tables import Fault
 from orip.files.text.shown import shown_token
 from orip.records.names import record_key
+from orip.wording import counted
 
 
 def check_rigs(source: ProjectSource, references: References) -> Iterator[Fault]:
@@ -36,9 +37,13 @@ def check_rigs(source: ProjectSource, references: References) -> Iterator[Fault]
 
 
 def check_exposures(source: ProjectSource, references: References) -> Iterator[Fault]:
-    """Check that the photos of an exposure are defined, of different cameras of one rig, and of no other exposure."""
+    """Check that the photos of an exposure are defined, of different cameras of one rig, and of no other exposure.
+
+    A camera on no rig is one fault, whatever the number of its photos.
+    """
     rig_of = _rigs_of_cameras(source)
     taken: dict[str, str] = {}
+    alone: dict[str, list[tuple[tuple[str | int, ...], str]]] = {}
     for exposure in source.exposures:
         where = f"exposure '{shown_token(exposure.record.name)}'"
         of_rigs: list[tuple[str, str, str]] = []
@@ -58,11 +63,15 @@ def check_exposures(source: ProjectSource, references: References) -> Iterator[F
             camera = located.record.camera
             rig = rig_of.get(record_key(camera))
             if rig is None:
-                text = f"{shown} is of camera '{shown_token(camera)}', which is on no rig; add the camera to a [[rig]]"
-                yield place, f"{text}, or take the photo out of the exposure"
+                alone.setdefault(camera, []).append((place, shown))
             else:
                 yield from ((place, f"{shown} {fault}") for fault in _misfits(of_rigs, rig, camera))
                 of_rigs.append((rig, camera, photo))
+    for camera, photos in alone.items():
+        (place, shown), others = photos[0], len(photos) - 1
+        more = f", as {counted(others, 'other photo')}" if others else ""
+        text = f"{shown} is of camera '{shown_token(camera)}', which is on no rig{more}; add the camera to a [[rig]]"
+        yield place, f"{text}, or take {'them' if others else 'the photo'} out of the exposure{'s' if others else ''}"
 
 
 def _misfits(before: Sequence[tuple[str, str, str]], rig: str, camera: str) -> Iterator[str]:

@@ -14,6 +14,7 @@ from orip.files.project.toml_lines import KeyPath
 from orip.files.text.shown import shown_token
 from orip.records.camera import Camera
 from orip.records.definition import Antenna, BundleDefinition, ReportDetails, StereoModel
+from orip.records.ground import Terrain
 from orip.records.photo import Photo, Template, Temtick
 from orip.records.plan import PlanSettings
 from orip.records.receivers import GnssSettings, ImuSettings
@@ -55,6 +56,7 @@ class ProjectSource(Struct):
     templates: list[Located[Template]] = field(default_factory=list)
     photos: list[Located[Photo]] = field(default_factory=list)
     antennas: list[Located[Antenna]] = field(default_factory=list)
+    terrains: list[Located[Terrain]] = field(default_factory=list)
     rigs: list[Located[Rig]] = field(default_factory=list)
     exposures: list[Located[RigExposure]] = field(default_factory=list)
     bundles: list[Located[BundleDefinition]] = field(default_factory=list)
@@ -80,6 +82,7 @@ def project_source(document: Mapping[str, Any]) -> ProjectSource:
     source.templates = _records(document, "template", Template, source)
     source.photos = _records(document, "photo", Photo, source)
     source.antennas = _records(document, "antenna", Antenna, source)
+    source.terrains = _records(document, "terrain", Terrain, source)
     source.rigs = _records(document, "rig", Rig, source)
     source.exposures = _records(document, "exposure", RigExposure, source)
     _bundles(document, source)

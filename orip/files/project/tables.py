@@ -27,7 +27,7 @@ from orip.files.project.forms import (
 from orip.files.text.decimal_numbers import UNIT_IN_WORDS, parse_photo_error
 from orip.files.text.shown import shown_token
 from orip.records.control import PHOTO_ERRORS, PIXEL_ERRORS
-from orip.records.definition import Precision
+from orip.records.definition import AngleUnit, Precision
 from orip.records.fields import Field, Part, RecordField, fields_by_key, without_none
 
 # All follow from the fields of structures: those of the records, and of the tables that are no records. Each key
@@ -35,7 +35,7 @@ from orip.records.fields import Field, Part, RecordField, fields_by_key, without
 # `checks`.
 
 SINGLE_SECTIONS = ("project", "check", "report", "plan", "gnss", "imu")
-RECORD_SECTIONS = ("camera", "temtick", "template", "photo", "antenna", "rig", "exposure", "bundle")
+RECORD_SECTIONS = ("camera", "temtick", "template", "photo", "antenna", "terrain", "rig", "exposure", "bundle")
 SECTIONS = (*SINGLE_SECTIONS, *RECORD_SECTIONS)
 """Tables of orip.toml; all but the first six may come several times."""
 
@@ -52,6 +52,7 @@ class ProjectTable(Struct, frozen=True):
     measurement_files: Annotated[tuple[str, ...], Field(shortest=1, example='["*.MEA"]')] = ("*.MEA",)
     output_folder: Annotated[str | None, Field(example='"results"')] = None
     ground_unit: Annotated[str, Field(shortest=1, example='"m"')] = "m"
+    angle_unit: Annotated[AngleUnit, Field(example='"gon"')] = "degrees"
     crs: Annotated[str | None, Field(shortest=1, example='"EPSG:2056"')] = None
 
 

@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from orip.files.project.forms import Choice, Form, ListOf, Table, Text
+from orip.files.project.forms import Choice, Form, ListOf, Number, Table, Text
 from orip.files.project.record_values import TomlTable
 from orip.files.project.tables import keys_of, table_of, unknown_key
 from orip.files.project.toml_lines import toml_document
@@ -61,9 +61,13 @@ def _broken(value: Any) -> str:
     return "[\n" + "".join(f"    {toml_value(item)},\n" for item in value) + "]"
 
 
-# A key may have parts: ``distortion.A3``, and ``fiducials.3.x`` for the mark called 3. A value is TOML, but texts need
+# A key may have parts: ``distortion.A3``, ``fiducials.3.x`` for the mark called 3, and ``distortion_curve.12.5`` for
+# the point of the curve at the radius 12.5. A value is TOML, but texts need
 # no quotation marks, and lists no brackets (``camera=OLYMPUS``, ``unknown=C,A3``); none at all (``stage=``) takes the
 # key away.
+
+
+_PAIR = ListOf(Number(), 2)
 
 
 def with_assignments(kind: str, table: TomlTable, words: Iterable[str]) -> tuple[TomlTable, tuple[str, ...]]:
@@ -110,6 +114,8 @@ def _assign(known: Table, table: TomlTable, path: Sequence[str], text: str) -> s
 def _assign_to_named(form: Form, table: TomlTable, key: str, rest: Sequence[str], text: str) -> str | None:
     """Assign to an element of a list of tables, which is found by its name; a new name is a new element."""
     name, *inner = rest
+    if form == _PAIR:
+        return _assign_to_pair(table, key, ".".join(rest), text)
     if not isinstance(form, Table):
         return f"the items of {key} have no names; write all of them in one list"
     elements: list[TomlTable] = table.setdefault(key, [])
@@ -131,6 +137,23 @@ def _assign_to_named(form: Form, table: TomlTable, key: str, rest: Sequence[str]
         fault = "write the values in braces, for example '{x=-12.0, y=18.0}'"
     known.update(holder["value"] if fault is None else {})
     return fault
+
+
+def _assign_to_pair(table: TomlTable, key: str, at: str, text: str) -> str | None:
+    """Assign the second number of the pair whose first one is `at`; a new pair comes where it is in their order."""
+    place, value = _toml(at), _toml(text)
+    numbers = [one for one in (place, value) if isinstance(one, int | float) and not isinstance(one, bool)]
+    if len(numbers) < (2 if text else 1):
+        return f"the items of {key} are pairs of numbers; write {key}.FIRST=SECOND, or {key}.FIRST= to remove one"
+    pairs: list[list[float]] = [pair for pair in table.get(key) or [] if pair[0] != numbers[0]]
+    if not text and len(pairs) == len(table.get(key) or []):
+        known = ", ".join(f"{pair[0]:g}" for pair in pairs)
+        return f"{key} has no pair that begins with {at}; known are: {known or 'none'}"
+    pairs += [[float(number) for number in numbers]] if text else []
+    table[key] = sorted(pairs)
+    if not pairs:
+        del table[key]
+    return None
 
 
 def _set(table: TomlTable, key: str, form: Form | None, text: str) -> str | None:

@@ -34,6 +34,7 @@ _OWN_NAME = re.compile(
             r"[^/]+_(?:RESULT|ERROR)\.OUT",
             r"[^/]+\.(?:PRE|DRV)",
             r"before_update\.json",
+            r"[0-9a-f]{24}(?:-[0-9]+-[0-9]+-[0-9]+\.jpg|\.grey)",  # tiles of images, and their grey values
             r"[0-9a-f]{32}",  # the sub-blocks of a divided block
         )
     )

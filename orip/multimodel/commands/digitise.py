@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from contextlib import nullcontext
 from math import isfinite
 from pathlib import Path
@@ -15,11 +16,13 @@ from orip.cli.options import LINK_VARIABLE, BundleArgument, BundleOption, Invoca
 from orip.errors import UsageError
 
 if TYPE_CHECKING:
+    from orip.multimodel.digitising.screen import Screen
     from orip.multimodel.digitising.setup import DigitisingSetup
     from orip.multimodel.digitising.wanted import MarkChoice
 
 
 LOG = Path("DIGITISED.MEA")
+STEREO_FILE = Path("STEREO.STE")
 
 LinkOption = Annotated[
     str | None, typer.Option("--link", envvar=LINK_VARIABLE, metavar="URL", help="As tcp://127.0.0.1:4788.")
@@ -34,6 +37,9 @@ ScriptOption = Annotated[
     typer.Option(
         "--script", metavar="FILE", help="What the operator does: MOVE dx dy, FOOT RIGHT, KEY ENTER; '-': stdin."
     ),
+]
+ScreenOption = Annotated[
+    bool, typer.Option("--screen", help="Keys, plates, results and measurements on one screen of the terminal.")
 ]
 DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Show the order and the places; needs no link.")]
 KindOption = Annotated[
@@ -58,11 +64,12 @@ NamesArgument = Annotated[list[str] | None, typer.Argument(metavar="NAME", help=
 
 
 class Instrument(NamedTuple):
-    """Where to digitise: at which plate processor, and who operates it."""
+    """Where to digitise: at which plate processor, who operates it, and what he sees."""
 
     link: LinkOption = None
     simulate: SimulateOption = None
     script: ScriptOption = None
+    screen: ScreenOption = False
 
     def setup(self, invocation: Invocation, log: Path, *, dry_run: bool = False) -> DigitisingSetup:
         """Return what the commands digitise with, and the log that they write to.
@@ -73,6 +80,10 @@ class Instrument(NamedTuple):
             If there is no plate processor to digitise at, or there are two operators.
         """
         from orip.multimodel.digitising.setup import by_link, rehearsal
+
+        if self.screen and (self.script is not None or not sys.stdout.isatty()):
+            message = "--screen is for an operator at a terminal; leave it out with --script, or where output is kept"
+            raise UsageError(message)
 
         if self.simulate and self.script is not None:
             message = "the operator is simulated, or does what a script says; give --simulate or --script"
@@ -86,8 +97,9 @@ class Instrument(NamedTuple):
             )
             raise UsageError(message)
         return by_link(
-            invocation.folder, log, self.link, invocation.terminal.say, simulate=self.simulate or (), script=self.script
-        )
+            invocation.folder, log, self.link, invocation.terminal.say, simulate=self.simulate or (),
+            script=self.script, screen=_screen() if self.screen else None,
+        )  # fmt: skip
 
 
 class Orienting(NamedTuple):
@@ -124,6 +136,7 @@ def _register_commands(group: typer.Typer) -> None:
     command(group, "photo")(photo_command)
     command(group, "points")(points_command)
     command(group, "ground")(ground_command)
+    command(group, "features")(features_command)
     command(group, "fiducials")(fiducials_command)
     command(group, "ticks")(ticks_command)
 
@@ -321,6 +334,40 @@ def ground_command(
     setup = instrument.setup(invocation, LOG)
     choice = GroundChoice(model, target, tuple(names or ()), listed, first, error)
     tell_ground(invocation.terminal, digitise_ground(setup, bundle, choice))
+
+
+def features_command(
+    invocation: Invocation,
+    codes: Annotated[list[str], typer.Argument(metavar="KIND:CODE", help="POINT, LINE or AREA; key 1 is the first.")],
+    instrument: Instrument,
+    file: Annotated[Path, typer.Option("--file", metavar="FILE", help="For 'orip restitute compute'.")] = STEREO_FILE,
+    model: Annotated[str | None, typer.Option("--model", help="Begin in that model.")] = None,
+    first: Annotated[str, typer.Option("--first", metavar="NAME", help="Number features from here.")] = "1",
+    bundle: BundleOption = None,
+) -> None:
+    """Collect points, lines and areas with codes; models change at their frame lines.
+
+    Example: orip digitise features LINE:ROAD POINT:TREE --link tcp://127.0.0.1:4788
+    """
+    from orip.multimodel.commands.output import tell_digitised
+    from orip.multimodel.digitising.features import FeaturesChoice, digitise_features, feature_codes
+
+    if instrument.simulate:
+        message = "measurement files have no features; leave --simulate out, and give --script for an operator"
+        raise UsageError(message)
+    choice = FeaturesChoice(feature_codes(codes), file, model, first)
+    found = digitise_features(instrument.setup(invocation, LOG), bundle, choice)
+    tell_digitised(invocation.terminal, "digitise features", found, following=f"orip restitute compute {found.log}")
+
+
+def _screen() -> Screen:
+    from orip.multimodel.digitising.screen import Screen
+
+    def write(text: str) -> None:
+        sys.stdout.write(text)
+        sys.stdout.flush()
+
+    return Screen("digitise", write)
 
 
 def _marks(words: list[str] | None) -> list[MarkChoice]:

@@ -84,8 +84,8 @@ def _pair(position: Position) -> str:
     return f"{position[0]:z.4f} {position[1]:z.4f}"
 
 
-def tell_digitised(terminal: Terminal, command_name: str, found: Digitised) -> None:
-    """Say what was digitised, and what became of orientations."""
+def tell_digitised(terminal: Terminal, command_name: str, found: Digitised, *, following: str = "orip measure") -> None:
+    """Say what was digitised, what became of orientations, and the command that takes it."""
     if found.is_trial and not terminal.json:
         terminal.data("\n".join(_places(found)))
     terminal.warn(found.warnings)
@@ -99,7 +99,7 @@ def tell_digitised(terminal: Terminal, command_name: str, found: Digitised) -> N
         terminal.say(f"trial    {len(found.entries)} would be driven to; nothing is written")
     else:
         terminal.say(f"log      {found.log}: {counts}; {found.ending}", "green")
-        terminal.say("next     orip measure")
+        terminal.say(f"next     {following}")
     if terminal.json:
         terminal.document(
             "digitise",

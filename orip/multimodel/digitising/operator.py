@@ -19,7 +19,7 @@ from orip.files.text.lines import field_lines, read_lines
 from orip.files.text.shown import Parsed
 from orip.multimodel.link.client import ProcessorFault
 from orip.multimodel.readout import ObjectReadout
-from orip.multimodel.state import Driven, Event, Guide, Position, Side, Status
+from orip.multimodel.state import Driven, Event, Guide, Position, Rotation, Side, Status
 from orip.records.drive_table import DriveCode
 from orip.records.measurement import FiducialsRecord, TicksRecord
 from orip.records.names import name_fault, record_key
@@ -58,6 +58,9 @@ class Instrument(Protocol):
     def position(self, system: Literal["OBJECT"]) -> ObjectReadout:
         """Return where the mark is in the object."""
 
+    def plates(self) -> tuple[Position, Position]:
+        """Return where the mark is on the upper and the lower plate."""
+
     def status(self) -> Status:
         """Return what is set."""
 
@@ -72,6 +75,9 @@ class Instrument(Protocol):
 
     def lock(self, side: Side | None) -> Status:
         """Lock a plate, or none."""
+
+    def prism(self, side: Side | None, degrees: Rotation) -> Status:
+        """Turn what one eye, or both, see."""
 
     def next_event(self) -> Event | None:
         """Return the oldest event; None if there is none."""
@@ -100,12 +106,15 @@ class Visit(NamedTuple):
         The name is only offered: the operator may name another point, or say that there are no more.
     locks : bool
         The left foot switch locks and unlocks a plate; else it skips.
+    hint : str
+        What foot switches and keys do, where that is something else.
     """
 
     sought: tuple[Sought, ...]
     refusal: Literal["FOOT LEFT", "KEY ENTER"]
     is_new: bool = False
     locks: bool = False
+    hint: str = ""
 
 
 class Named(NamedTuple):
@@ -130,12 +139,17 @@ class AtTheProcessor:
         Called before he is waited for.
     typed : function or None
         Returns the next line that he has typed at the terminal; None: there is none.
+    look : function of the plate processor, or None
+        Called while he is waited for.
     """
 
     def __init__(
-        self, waiting: Callable[[Visit], None] | None = None, typed: Callable[[], str | None] | None = None
+        self,
+        waiting: Callable[[Visit], None] | None = None,
+        typed: Callable[[], str | None] | None = None,
+        look: Callable[[Instrument], None] | None = None,
     ) -> None:
-        self._waiting, self._typed = waiting, typed
+        self._waiting, self._typed, self._look = waiting, typed, look
 
     def act(self, link: Instrument, visit: Visit) -> Event | Named:
         """Wait for him."""
@@ -144,6 +158,8 @@ class AtTheProcessor:
         while (event := link.next_event()) is None:
             if visit.is_new and self._typed is not None and (name := self._typed()) is not None:
                 return Named(name)
+            if self._look is not None:
+                self._look(link)
             time.sleep(PAUSE_S)
         return event
 
@@ -195,10 +211,13 @@ class WaitingHint:
         enter = "ENTER keeps"
         if visit.is_new:
             enter = "digits and ENTER, or a name typed here, name another point, ENTER alone says no more here"
+        hint = visit.hint or (
+            f"the right foot switch digitises, the left one {left}; {enter}; ZERO or another key ends"
+        )
         self._tell(
-            f"waiting for the operator: the right foot switch digitises, the left one {left}; {enter}; ZERO or another "
-            "key ends. Press them at the plate processor, with 'orip drive foot right' or 'orip drive key ENTER' in "
-            f"another window, or, where a drive table is loaded, on the page of 'orip drive watch --link {self._url}'"
+            f"waiting for the operator: {hint}. Press them at the plate processor, with 'orip drive foot right' or "
+            "'orip drive key ENTER' in another window, or, where a drive table is loaded, on the page of "
+            f"'orip drive watch --link {self._url}'"
         )
 
 

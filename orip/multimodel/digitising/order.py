@@ -130,6 +130,15 @@ class DigitisedBlock(Struct, frozen=True):
                 return DigitisingStep(model.photos, None, model.model)
         return DigitisingStep(turn.photos[:1], None, self._model_to_see(turn, turn.photos[0], turn.photos[0]))
 
+    def is_side_lap(self, step: DigitisingStep) -> bool:
+        """Tell whether a point is transferred between two strips: the eyes see a side lap in stereo across it alone."""
+        photo, partner = ({model.row for model in self.models if one in model.photos} for one in self._seen(step))
+        return bool(photo and partner) and photo.isdisjoint(partner)
+
+    @staticmethod
+    def _seen(step: DigitisingStep) -> tuple[str, str]:
+        return step.photos[0], step.photos[-1] if step.partner is None else step.partner
+
     def _models_of_photos(self, photos: Collection[str], measured: Collection[str]) -> dict[str | None, list[str]]:
         """Return the photos whose turn comes in each model."""
         left = set(photos)

@@ -14,7 +14,7 @@ from orip.multimodel.digitising.session import Decision, DriveTarget, Entry, Ses
 from orip.multimodel.digitising.setup import Digitised, DigitisingSetup
 from orip.multimodel.digitising.wanted import BundlePoints, PointChoice, bundle_points, wanted_points
 from orip.multimodel.link.client import ProcessorFault
-from orip.multimodel.state import Position, Side
+from orip.multimodel.state import Position, Rotation, Side
 from orip.records.drive_table import DriveCode
 from orip.records.photo import Stage
 
@@ -36,7 +36,8 @@ class PointVisits:
         self._blocks: dict[str, dict[str, str]] = {}
         self._chapter: str | None = None
         self._shown: dict[Stage, str] = {}
-        self._active = session.link.status().model
+        status = session.link.status()
+        self._active, self._prisms = status.model, status.prisms
 
     def take(self, turn: Turn) -> None:
         """Digitise a point in the photos of its turn."""
@@ -127,8 +128,13 @@ class PointVisits:
                 raise
 
     def _prepare(self, step: DigitisingStep) -> None:
-        """Guide the stages that are free, and lock that of the partner."""
+        """Guide the stages that are free, lock that of the partner, and turn the prisms to a side lap and back."""
         stages = self._points.block.stages
+        turn: Rotation = 90 if self._points.block.is_side_lap(step) else 0
+        if self._prisms != (turn, turn):
+            self._prisms = self._session.link.prism(None, turn).prisms
+            if turn:
+                self._session.tell("side lap: the prisms are turned by 90 degrees")
         self._session.link.guide(stages[step.photos[0]] if len(step.photos) == 1 else "BOTH")
         if step.partner is not None:
             self._session.link.lock(self._side(stages[step.partner]))

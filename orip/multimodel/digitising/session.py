@@ -12,7 +12,7 @@ from orip.files.log.writing import Log
 from orip.multimodel.digitising.operator import Instrument, Named, Operator, Tell, Visit
 from orip.multimodel.link.client import ProcessorFault
 from orip.multimodel.readout import ObjectReadout
-from orip.multimodel.state import Driven, Event, Guide, Position, Side, Status
+from orip.multimodel.state import Driven, Event, Guide, Position, Rotation, Side, Status
 from orip.records.drive_table import STAGES, DriveCode
 from orip.records.photo import Stage
 
@@ -203,6 +203,10 @@ class Rehearsal:
         """Return no position in the object."""
         return ObjectReadout((0.0, 0.0, 0.0), 0.0)
 
+    def plates(self) -> tuple[Position, Position]:
+        """Return where they were driven to."""
+        return self._plates["UPPER"], self._plates["LOWER"]
+
     def status(self) -> Status:
         """Return that nothing is set."""
         return Status("-", "BOTH", "OUTSIDE", None, (0, 0), False)
@@ -222,6 +226,10 @@ class Rehearsal:
     def lock(self, _side: Side | None) -> Status:
         """Lock nothing."""
         return self.status()
+
+    def prism(self, _side: Side | None, degrees: Rotation) -> Status:
+        """Turn nothing."""
+        return self.status()._replace(prisms=(degrees, degrees))
 
     def next_event(self) -> Event | None:
         """Have no events."""

@@ -25,6 +25,7 @@ from orip.multimodel.digitising.operator import (
     read_script,
     typed_requests,
 )
+from orip.multimodel.digitising.screen import Screen
 from orip.multimodel.digitising.session import Ending, Entry, Rehearsal, Session
 from orip.multimodel.link.client import ProcessorFault, host_link
 from orip.multimodel.state import Position
@@ -140,7 +141,14 @@ def log_file(films: MountedFilms) -> LogFile:
 
 
 def by_link(
-    folder: Path, path: Path, url: str, tell: Tell, *, simulate: Sequence[Path] = (), script: Path | None = None
+    folder: Path,
+    path: Path,
+    url: str,
+    tell: Tell,
+    *,
+    simulate: Sequence[Path] = (),
+    script: Path | None = None,
+    screen: Screen | None = None,
 ) -> DigitisingSetup:
     """Return the means of digitising at a plate processor.
 
@@ -156,12 +164,19 @@ def by_link(
     script : Path or None
         What the operator does, a request in each line; ``-``: as it is typed. With neither of both, the events of the
         plate processor.
+    screen : Screen or None
+        Shows what is told, and the plates while the operator is waited for.
     """
+    tell = tell if screen is None else screen.tell
 
     def operator(films: MountedFilms) -> Operator:
+        if screen is not None:
+            screen.project = films.project.definition.name
         if simulate:
             simulated = films_of(films, simulate)
             return Simulation(places_of(simulated), simulated.warnings)
+        if script is None and screen is not None:
+            return AtTheProcessor(screen.waiting, TypedNames(tell), screen.look)
         if script is None:
             return AtTheProcessor(WaitingHint(tell, url), TypedNames(tell))
         if str(script) == "-":

@@ -19,6 +19,7 @@ from orip.multimodel.digitising.session import DriveTarget
 from orip.multimodel.state import Position
 from orip.records.camera import Mark
 from orip.records.definition import BundleDefinition, StereoModel
+from orip.records.drive_table import STAGES
 from orip.records.measurement import MeasuredMarks
 from orip.records.names import name_fault, near_names, record_key
 from orip.workflow.observations.films import MountedFilms, plate_of_log, position
@@ -156,6 +157,24 @@ class BundlePoints(Struct, frozen=True, dict=True):
         if predicted is not None:
             return DriveTarget("predicted", predicted)
         return DriveTarget("middle", self.middle(photo))
+
+    def measured_at(self, photo: str, plates: tuple[Position, Position]) -> Position:
+        """Return what the stage of a photo shows as restitution takes it: pixels of a sensor, else mm in the photo.
+
+        Raises
+        ------
+        InputError
+            If the photo has no interior orientation.
+        """
+        key, xy = record_key(photo), plates[STAGES.index(self.films.stage_of(photo))]
+        record = self.films.definitions.photos[key]
+        if self.films.definitions.cameras[record_key(record.camera)].sensor is not None:
+            return self.to_log(key, xy)
+        to_photo, to_plate = self.films.interior.to_photo.get(key), self.films.plate_of_stored(record)
+        if to_photo is None or to_plate is None:
+            message = f"photo {record.name} has no interior orientation; digitise its fiducial marks first"
+            raise InputError.single(message)
+        return position(to_photo.after(to_plate.inverse()), xy)
 
     def to_log(self, photo: str, xy: Position) -> Position:
         """Return log coordinates of plate coordinates."""

@@ -185,6 +185,10 @@ class PlateProcessorLink:
         """Lock the plate of the active model's left or right photo; None unlocks."""
         return status_of(self.request(f"LOCK {side or 'NONE'}"))
 
+    def plates(self) -> tuple[Position, Position]:
+        """Return where the mark is on the upper and the lower plate."""
+        return self.position("PLATE")
+
     def prism(self, side: Side | None, degrees: Literal[0, 90]) -> Status:
         """Turn what one eye, or with None both, see."""
         return status_of(self.request(f"PRISM {f'{side} ' if side else ''}{degrees}"))

@@ -88,6 +88,17 @@ class ReducedRows(NamedTuple):
     right: FloatArray
 
 
+def reduced_together(equations: Sequence[ReducedRows]) -> ReducedRows:
+    """Return equations in reduced unknowns as those of one."""
+    columns, places = np.unique(np.concatenate([one.columns for one in equations]), return_inverse=True)
+    rows, row, place = np.zeros((sum(len(one.right) for one in equations), len(columns))), 0, 0
+    for one in equations:
+        next_row, next_place = row + len(one.right), place + len(one.columns)
+        rows[row:next_row, places[place:next_place]] = one.rows
+        row, place = next_row, next_place
+    return ReducedRows(columns, rows, np.concatenate([one.right for one in equations]))
+
+
 # The equations of a point touch its three coordinates and some reduced unknowns: [A_p A_e | l]. An orthogonal
 # factorisation of the columns A_p gives as many rows as the point has determined coordinates, its hyper-row, which
 # tells where the point is once the reduced unknowns are known. All further rows have no coordinate of the point any
@@ -127,7 +138,7 @@ class ObservationRows(Struct, frozen=True):
 
     @property
     def reduced(self) -> ReducedRows:
-        """Return the equations of an observation that touches no point."""
+        """Return its equations of the reduced unknowns: all there is of one that touches no point."""
         return ReducedRows(self.columns, self.by_reduced, self.right)
 
     def weighted(self, root: float) -> ObservationRows:
@@ -219,14 +230,8 @@ def stacked(observations: Sequence[ObservationRows]) -> ObservationRows:
     """Return the equations of several observations of one point as those of one."""
     if len(observations) == 1:
         return observations[0]
-    columns, places = np.unique(np.concatenate([rows.columns for rows in observations]), return_inverse=True)
     by_point = np.concatenate([rows.by_point for rows in observations])
-    by_reduced, row, place = np.zeros((len(by_point), len(columns))), 0, 0
-    for rows in observations:
-        next_row, next_place = row + len(rows.right), place + len(rows.columns)
-        by_reduced[row:next_row, places[place:next_place]] = rows.by_reduced
-        row, place = next_row, next_place
-    right = np.concatenate([rows.right for rows in observations])
+    columns, by_reduced, right = reduced_together([rows.reduced for rows in observations])
     return ObservationRows(observations[0].point, by_point, columns, by_reduced, right)
 
 

@@ -20,6 +20,7 @@ from orip.online.sequential.hyper_rows import (
     PointsInTriangle,
     ReducedRows,
     factored_point,
+    reduced_together,
 )
 from orip.online.sequential.standings import LEAST_REDUNDANCY, Standing, Whitened, standings_of_many, whitened
 from orip.online.sequential.triangle import Triangle
@@ -104,20 +105,30 @@ class SequentialBlock(Generic[Key]):
         They end before one of a point whose rays are parallel: it turns the others' equations of the reduced unknowns.
         """
         so_far = [self._included[other] for other in self._of_points.get(name, ())]
-        leftovers = []
-        for row in rows.rows():
-            so_far.append(row)
+        leftovers, remaining = list[float](), rows.rows()
+        while remaining:
             before = self._points.get(name)
             if before is not None and before.hyper_row.is_complete:
-                hyper_row, reduced = before.hyper_row.with_row(row)
-                self._points[name] = PointInTriangle(hyper_row, (*before.reduced, reduced))
-                leftovers.append(float(self.triangle.update(reduced)[0]))
-            elif before is None or not before.reduced:
-                self._points[name] = after = factored_point(so_far)
-                leftovers.append(float(sum(np.sum(self.triangle.update(of_all)) for of_all in after.reduced)))
-            else:
+                return [*leftovers, *self._include_in_complete(name, before, remaining)]
+            if before is not None and before.reduced:
                 break
+            so_far.append(remaining.pop(0))
+            self._points[name] = after = factored_point(so_far)
+            leftovers.append(float(sum(np.sum(self.triangle.update(of_all)) for of_all in after.reduced)))
         return leftovers
+
+    def _include_in_complete(
+        self, name: str, point: PointInTriangle, rows: Sequence[ObservationRows]
+    ) -> Sequence[float]:
+        """Take further equations of a determined point in, together, and return what is left of them."""
+        hyper_row, found = point.hyper_row, list[ReducedRows]()
+        for row in rows:
+            hyper_row, reduced = hyper_row.with_row(row)
+            found.append(reduced)
+        together = reduced_together(found)
+        self._points[name] = PointInTriangle(hyper_row, (*point.reduced, together))
+        left: list[float] = self.triangle.update(together).tolist()
+        return left
 
     def exclude(self, key: Key) -> None:
         """Take an observation out."""

@@ -4,8 +4,8 @@ With design matrix A and right-hand side l, both divided by the a-priori errors,
 formed, Q [A l] = [R d; 0 q]: R^T R = A^T A, the solution is R^-1 d, and q^2 is the square sum of the residuals. An
 equation is taken in by Householder reflections of R over the new row (LAPACK's ``tpqrt``; Golub and Van Loan 2013,
 section 6.5), and taken out by the product form of Gill, Golub, Murray and Saunders 1974, *Methods for modifying matrix
-factorizations*, section 3. Both walk over panels of rows and over the columns alone that a panel reaches: R of a block
-of photos is a band.
+factorizations*, section 3, for some equations together. Both walk over panels of rows and over the columns alone that a
+panel reaches: R of a block of photos is a band.
 
 An unknown that nothing determines has a pivot of zero, and its row of R is zero. That is a state like any other, not an
 error: such unknowns are held at zero.
@@ -24,7 +24,8 @@ from orip.online.sequential.hyper_rows import Panel, ReducedRows, Replaced, cofa
 _PANEL = 48
 """Rows of R that are transformed together: wide enough for LAPACK, narrow enough for a band."""
 
-_UP_TO_DIAGONAL = np.tri(_PANEL, dtype=bool)
+_TOGETHER = 4
+"""Equations that are taken out together at the most: the work on each row of R grows with the cube."""
 
 _ZERO_PIVOT = 1e-9
 """Part of an unknown's column in R below which its pivot is rounding: nothing determines the unknown. Rounding has been
@@ -106,15 +107,21 @@ class Triangle:
             What is left of each right-hand side: without sign it is Baarda's w of that equation with sigma0 = 1, as it
             is with the equation as the last one; 0 for one that only determines an unknown.
         """
-        rows = range(len(equations.right))
-        if self._is_safe(equations.columns):
-            return np.array([self._rotate_in(equations, [row])[0] for row in rows])
-        return np.array([self._rotate_carefully(equations, row) for row in rows])
+        if not self._is_safe(equations.columns):
+            return np.array([self._rotate_carefully(equations, row) for row in range(len(equations.right))])
+        if len(equations.right) == 1:
+            return self._rotate_in(equations)
+        # one after the other they leave the innovations divided by the triangle of their cofactors
+        p, _ = self.whitened(equations.columns, equations.rows)
+        factor = np.linalg.cholesky(np.eye(len(equations.right)) + p.T @ p)
+        left = np.linalg.solve(factor, equations.right - p.T @ self.right)
+        self._rotate_in(equations)
+        return np.asarray(left)
 
     def update_at_once(self, equations: ReducedRows) -> None:
         """Take equations in together: quicker than one after the other, without their leftovers."""
         if self._is_safe(equations.columns):
-            self._rotate_in(equations, list(range(len(equations.right))))
+            self._rotate_in(equations)
         else:
             self.update(equations)
 
@@ -127,7 +134,11 @@ class Triangle:
             False if one of them has a redundancy number below the least; then others may be out already, and R has to
             be built from all equations that remain.
         """
-        return all(self._take_out(equations, row, least_redundancy) for row in range(len(equations.right)))
+        columns, rows, right = equations
+        return all(
+            self._take_out(ReducedRows(columns, rows[few], right[few]), least_redundancy)
+            for few in (slice(start, start + _TOGETHER) for start in range(0, len(right), _TOGETHER))
+        )
 
     def build(self, equations: Sequence[ReducedRows]) -> None:
         """Build the triangle of all equations, in place of those that were in.
@@ -258,9 +269,12 @@ class Triangle:
 
     def _panels(self, first: int) -> Iterator[Panel]:
         """Yield panels of rows from a first one on."""
-        for start in range(first - first % _PANEL, self.size, _PANEL):
-            last = min(start + _PANEL, self.size)
-            yield Panel(start, last, max(last, int(self._reach[start:last].max())))
+        starts = np.arange(first - first % _PANEL, self.size, _PANEL)
+        if len(starts):
+            # a row reaches its own end at least
+            ends = np.maximum.reduceat(self._reach[: self.size], starts)
+            lasts = np.minimum(starts + _PANEL, self.size)
+            yield from map(Panel, starts.tolist(), lasts.tolist(), np.maximum(lasts, ends).tolist())
 
     def _is_safe(self, columns: IntArray) -> bool:
         """Return whether no pivot is zero that equations in some columns could meet."""
@@ -275,9 +289,6 @@ class Triangle:
         new[equations.columns] = equations.rows[row]
         left = float(equations.right[row])
         self._square_sums[equations.columns] += np.square(equations.rows[row])
-        return self._rotated_carefully(new, left)
-
-    def _rotated_carefully(self, new: FloatArray, left: float) -> float:
         touched = np.flatnonzero(new)
         end = int(touched.max(initial=-1)) + 1
         for place in range(int(touched.min(initial=self.size)), self.size):
@@ -301,13 +312,13 @@ class Triangle:
         self.residual_square_sum += left**2
         return left
 
-    def _rotate_in(self, equations: ReducedRows, chosen: list[int]) -> FloatArray:
-        """Rotate some equations into R together and return what is left of their right-hand sides."""
-        columns, right = equations.columns, np.array(equations.right[chosen])[:, None]
-        new = np.zeros((len(chosen), self.size))
-        new[:, columns] = equations.rows[chosen]
+    def _rotate_in(self, equations: ReducedRows) -> FloatArray:
+        """Rotate equations into R together and return what is left of their right-hand sides."""
+        columns, right = equations.columns, equations.right[:, None]
+        new = np.zeros((len(right), self.size))
+        new[:, columns] = equations.rows
         touched = np.flatnonzero(new.any(axis=0))
-        self._square_sums[columns] += np.square(equations.rows[chosen]).sum(axis=0)
+        self._square_sums[columns] += np.square(equations.rows).sum(axis=0)
         end = int(touched[-1]) + 1 if len(touched) else 0
         for panel in self._panels(int(touched[0])) if len(touched) else ():
             if panel.first >= end:
@@ -336,51 +347,51 @@ class Triangle:
         self._reach[own] = np.maximum(self._reach[own], end)
         return np.asarray(below[:, -1:])
 
-    def _take_out(self, equations: ReducedRows, row: int, least_redundancy: float) -> bool:
-        """Take one equation out; False, with nothing changed, if it is not redundant enough.
+    def _take_out(self, equations: ReducedRows, least_redundancy: float) -> bool:
+        """Take k equations out together; False, with nothing changed, if they are not redundant enough.
 
-        With R^T p = a^T the new R is U R, where U^T U = 1 - p p^T. U is the triangle of a rank-one change: its row i
-        has sqrt(t_i / t_(i-1)) on the diagonal and -p_i p_j / sqrt(t_i t_(i-1)) beyond, t_i = 1 - p_1^2 - ... - p_i^2.
-        The last t is the redundancy number.
+        With R^T P = A^T the new R is U R, where U^T U = 1 - P P^T. With T_i = 1 - p_1 p_1^T - ... - p_i p_i^T (k, k) of
+        the rows of P, row i of U has u_i = sqrt(1 - p_i^T T_(i-1)^-1 p_i) on the diagonal and -p_i^T T_(i-1)^-1 p_j /
+        u_i beyond. The last T has the redundancy numbers.
         """
-        columns, values = equations.columns, equations.rows[row]
+        columns = equations.columns
         if not len(columns):
-            self.residual_square_sum -= float(equations.right[row]) ** 2
+            self.residual_square_sum -= float(equations.right @ equations.right)
             return True
-        whitened, is_open = self.whitened(columns, values[None])
-        p = whitened[:, 0]
-        left = 1.0 - np.cumsum(np.square(p))
-        if is_open[0] or left[-1] < least_redundancy:
+        p, is_open = self.whitened(columns, equations.rows)
+        count = len(equations.right)
+        left = np.eye(count) - np.cumsum(p[:, :, None] * p[:, None], axis=0)
+        if is_open.any() or np.linalg.eigvalsh(left[-1])[0] < least_redundancy:
             return False
-        product = float(p @ self.right)
-        rest = np.zeros(self.size + 1)
-        rest[columns], rest[-1] = values, equations.right[row]
+        before = np.concatenate([np.eye(count)[None], left[:-1]])
+        gain = np.linalg.solve(before, p[:, :, None])[:, :, 0]
+        residual = equations.right - p.T @ self.right
+        rest = np.zeros((count, self.size + 1))
+        rest[:, columns], rest[:, -1] = equations.rows, equations.right
         for panel in self._panels(int(columns[0])):
-            self._scale_down(panel, p, left, rest)
-        self._square_sums[columns] -= np.square(values)
-        residual = float(equations.right[row]) - product
-        self.residual_square_sum = max(self.residual_square_sum - residual**2 / float(left[-1]), 0.0)
-        self.rounding += 1.0 / float(left[-1])
+            self._scale_down(panel, p, gain, rest)
+        self._square_sums[columns] -= np.square(equations.rows).sum(axis=0)
+        cofactor = np.linalg.inv(left[-1])
+        self.residual_square_sum = max(self.residual_square_sum - float(residual @ cofactor @ residual), 0.0)
+        self.rounding += float(np.trace(cofactor))
         return True
 
-    def _scale_down(self, panel: Panel, p: FloatArray, left: FloatArray, rest: FloatArray) -> None:
-        """Multiply a panel by its rows of U; `rest` (n + 1,) is the row less what the panels above have of it."""
+    def _scale_down(self, panel: Panel, p: FloatArray, gain: FloatArray, rest: FloatArray) -> None:
+        """Multiply a panel by its rows of U; `rest` (k, n + 1) are the rows less what the panels above have of them."""
         own, across = slice(panel.first, panel.last), slice(panel.first, self.size)
-        if not p[own].any():
+        mine, gains = p[own], gain[own]
+        if not mine.any():
             return
-        after = left[own]
-        before = np.concatenate([[left[panel.first - 1] if panel.first else 1.0], after[:-1]])
-        end = max(panel.end, int(np.flatnonzero(rest[across]).max(initial=0)) + panel.first + 1)
+        end = max(panel.end, int(np.flatnonzero(rest[:, across].any(axis=0)).max(initial=0)) + panel.first + 1)
         self._reach[own] = np.maximum(self._reach[own], end)
-        across = slice(panel.first, end)
-        factors, slopes = np.sqrt(after / before)[:, None], (p[own] / np.sqrt(after * before))[:, None]
-        below = rest[across] - np.cumsum(p[own, None] * self._factor[own, across], axis=0)
-        beyond = rest[-1] - np.cumsum(p[own] * self._right[own])
-        rest[across], rest[-1] = below[-1], beyond[-1]
-        rest[own] = 0.0
-        width = panel.last - panel.first
-        below[:, :width][_UP_TO_DIAGONAL[:width, :width]] = 0.0
-        below *= slopes
-        self._factor[own, across] *= factors
-        self._factor[own, across] -= below
-        self._right[own] = factors[:, 0] * self._right[own] - slopes[:, 0] * beyond
+        scale = np.sqrt(1.0 - np.einsum("ik,ik->i", mine, gains))
+        products, beyond = (gains @ mine.T) / scale[:, None], slice(panel.last, end)
+        # what rows below have of the columns of this panel is in its own rows; of those beyond in the rest, too
+        inner, outer, right = self._factor[own, own], self._factor[own, beyond], self._right[own]
+        within, factors = np.diag(scale) - np.triu(products, 1), np.diag(scale) + np.tril(products)
+        gains = gains / scale[:, None]
+        changed, changed_right = factors @ outer - gains @ rest[:, beyond], factors @ right - gains @ rest[:, -1]
+        rest[:, beyond] -= mine.T @ outer
+        rest[:, -1] -= mine.T @ right
+        rest[:, own] = 0.0
+        self._factor[own, own], self._factor[own, beyond], self._right[own] = within @ inner, changed, changed_right

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, cast, get_args
+from typing import TYPE_CHECKING, Annotated, cast, get_args
 
 import typer
 
 from orip.cli.options import BundleOption, Invocation, command
 from orip.cli.terminal import Terminal
 from orip.errors import UsageError
-from orip.units import DEGREES_PER_RADIAN
 
 if TYPE_CHECKING:
+    from orip.bundle.additions.placing import Placed, Wanted
     from orip.planning.designed import Given
-    from orip.planning.placing import Placed, Wanted
     from orip.planning.variants import Variant
-
-_USUAL_ERROR = 0.01
-"""Of coordinates and distances, ground unit, where nothing says what they are known to."""
 
 
 def register_compare(group: typer.Typer) -> None:
@@ -80,9 +76,10 @@ def register_place(group: typer.Typer) -> None:
 
         Example: orip plan place 5 >> DRONE.PNT; orip plan place 2 --what distances --adjusted
         """
+        from orip.bundle.additions.placing import USUAL_ERROR, Wanted, What, place_in_block
+        from orip.bundle.additions.search import Criterion
         from orip.planning.designed import planned_stations, read_plan
-        from orip.planning.placement import Criterion
-        from orip.planning.placing import Wanted, What, place_in_block, place_in_plan, solved_bundle
+        from orip.planning.placing import place_in_plan, solved_bundle
 
         for option, given_word, known in (("--what", what, get_args(What)), ("--goal", goal, get_args(Criterion))):
             if given_word not in known:
@@ -92,7 +89,7 @@ def register_place(group: typer.Typer) -> None:
             message = "--longest is for --what distances"
             raise UsageError(message)
         given = None if adjusted else read_plan(invocation.folder, bundle)
-        usual = _USUAL_ERROR if given is None else given.settings.control_error
+        usual = USUAL_ERROR if given is None else given.settings.control_error
         wanted = Wanted(cast("What", what), count, cast("Criterion", goal), places, error or usual, longest)
         if given is None:
             solved, unit = solved_bundle(invocation.folder, bundle)
@@ -136,17 +133,22 @@ def _tell_variants(terminal: Terminal, found: list[Variant], given: Given) -> No
             f"{row['variant']:{width}}  {row['photos']:6d}  {row['minutes']:7.1f}  {median}  "
             f"{short(row['point_sd_largest'][2]):>9}  {length:>9}  {short(row['smallest_bias_mm']):>9}"
         )
+    for variant in found:
+        if variant.forecast.held:
+            held = ", ".join(variant.forecast.held)
+            lines.append(f"{variant.name}: nothing determines {held}; its row is as if {held} were known")
     terminal.data("\n".join(lines))
 
 
 def _tell_places(terminal: Terminal, found: Placed, wanted: Wanted, unit: str) -> None:
+    from orip.bundle.additions.placing import told
     from orip.files.control.stations_text import stations_text
     from orip.files.control.text import distances_text, points_text
     from orip.planning.forecast_figures import short
 
     placement = found.placement
     if terminal.json:
-        terminal.document("plan-place", _document(found, wanted))
+        terminal.document("plan-place", {"command": "plan place", **told(found, wanted)})
         return
     text = points_text(found.points)
     if found.distances:
@@ -161,32 +163,6 @@ def _tell_places(terminal: Terminal, found: Placed, wanted: Wanted, unit: str) -
         f"place    {what} {short(placement.value)} {unit} with these {_CALLED[wanted.what]}; "
         f"number: {what} of the best first: {curve}"
     )
-
-
-def _document(found: Placed, wanted: Wanted) -> dict[str, Any]:
-    return {
-        "command": "plan place",
-        "what": wanted.what,
-        "goal": wanted.criterion,
-        "points": [
-            {"name": point.name, "coordinates": list(point.coordinates), "error": point.errors[0]}
-            for point in found.points
-        ],
-        "distances": [
-            {"name": one.name, "start": one.start, "end": one.end, "distance": one.distance, "error": one.error}
-            for one in found.distances
-        ],
-        "photos": [
-            {
-                "name": one.photo,
-                "position": list(one.position),
-                "angles": [angle * DEGREES_PER_RADIAN for angle in one.angles],
-            }
-            for one in found.photos
-        ],
-        "value": found.placement.value,
-        "curve": list(found.placement.curve),
-    }
 
 
 _CALLED = {"control": "points", "check": "points as control", "distances": "distances", "photos": "photos"}

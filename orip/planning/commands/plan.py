@@ -42,7 +42,7 @@ def _register_show(group: typer.Typer) -> None:
 
         Example: orip plan show
         """
-        from orip.planning.designed import forecast_of, planned_stations, read_plan
+        from orip.planning.designed import forecast_of, outline_of, planned_stations, read_plan
         from orip.planning.forecast_figures import facts_of
         from orip.planning.page import plan_page
         from orip.planning.plan import frame_of
@@ -53,9 +53,11 @@ def _register_show(group: typer.Typer) -> None:
         stations = planned_stations(given)
         found = forecast_of(given, stations)
         frame = frame_of(given.camera, "height")  # along and across are x and y
+        is_area = given.settings.kind == "flight" and given.settings.corridor == 0.0
+        border = outline_of(given) if is_area else None
         page = plan_page(
             f"Plan of {project.definition.name}", facts_of(found, project.definition.ground_unit), stations, frame,
-            given.terrain, found,
+            given.terrain, found, border,
         )  # fmt: skip
         path = project.results / f"{project.definition.control_files}_plan_report.html"
         write_output(project, TextOutput(path, lambda: [page], "free the file, then repeat the command"))
@@ -177,6 +179,7 @@ def _tell_plan(terminal: Terminal, plan: PlannedFlight, shown: str, unit: str, d
                 },
                 "turns": plan.turns,
                 "batteries": plan.batteries,
+                "rays": plan.rays,
             },
         )
         return
@@ -188,6 +191,8 @@ def _tell_plan(terminal: Terminal, plan: PlannedFlight, shown: str, unit: str, d
             f"         base {plan.base:.4g}, spacing {plan.spacing:.4g} {unit}; {plan.speed:.3g} {unit}/s, "
             f"{plan.seconds / 60.0:.1f} minutes, {plan.turns} turns, {plan.batteries} batteries"
         )
+    if plan.rays:
+        terminal.say(f"         each point is shown by {plan.rays} convergent photos at least")
 
 
 def _tell_forecast(terminal: Terminal, given: Given, found: Forecast) -> None:

@@ -19,7 +19,7 @@ NOT_DETERMINED = frozenset({"datum", "photo-rotations"})
 
 VarianceGroupKind = Literal[
     "photo", "control", "element", "distance", "direction", "line", "plane", "cylinder", "height", "given direction",
-    "station", "attitude", "difference",
+    "terrain", "station", "attitude", "difference",
 ]  # fmt: skip
 
 FIGURE_GROUPS = {
@@ -29,7 +29,7 @@ FIGURE_GROUPS = {
 
 _GROUPS = FIGURE_GROUPS | {
     "station": "exposure stations", "attitude": "attitudes of the exposure stations", "distance": "distances",
-    "given direction": "given directions",
+    "given direction": "given directions", "terrain": "heights on terrain",
 }  # fmt: skip
 _ELEMENTS = {
     "CAMERA": "observed camera parameters",

@@ -15,7 +15,10 @@ from orip.interior.mounting import frame_corners
 from orip.records.camera import Camera
 from orip.records.coded_names import coded
 from orip.records.names import record_key
+from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.results.solution import Solution
 from orip.records.results.tests import GroupTest
+from orip.records.rig import OFFSET
 from orip.report.drawings.ellipses import drawn_points
 from orip.report.drawings.residual_vectors import measured_reach
 from orip.report.report_input import ReportInput
@@ -139,6 +142,7 @@ def block_view(given: ReportInput) -> dict[str, Any]:
     points, centres = solution.points.values[rows], solution.photos.values[:, :3]
     origin = _origin(np.concatenate([points, centres]))
     corners = pyramid_corners(given) - origin
+    motions = {one.photo: one.pixels for one in solution.motions}
     shown = np.zeros(len(solution.points.names), dtype=bool)
     shown[rows] = True
     place = np.cumsum(shown) - 1
@@ -158,8 +162,29 @@ def block_view(given: ReportInput) -> dict[str, Any]:
             "xyz": _rounded(centres - origin),
             "corners": [_rounded(corner) for corner in corners],
             "sees": [place[seen[shown[seen]]].tolist() for seen in given.seen_points],
+            "motions": [
+                f"<br>motion {motions[name]:.1f} px" if name in motions else "" for name in solution.photos.names
+            ],
         },
+        "bodies": [{"name": name, "xyz": _rounded(places - origin)} for name, places in rig_bodies(solution).items()],
     }
+
+
+def rig_bodies(solution: Solution) -> dict[str, FloatArray]:
+    """Return by the names of exposures the places (1 + cameras, 3) of the rig and of all its cameras, on the ground."""
+    offsets: dict[str, dict[str, dict[str, float]]] = {}
+    for one in solution.mountings:
+        offsets.setdefault(one.rig, {}).setdefault(one.camera, {})[one.name] = one.value
+    elements: dict[tuple[str, str], dict[str, float]] = {}
+    for row in solution.rig_exposures:
+        elements.setdefault((row.exposure, row.rig), {})[row.name] = row.value
+    found = {}
+    for (exposure, rig), values in elements.items():
+        place, angles = np.split(np.array([values[name] for name in PHOTO_PARAMETERS]), 2)
+        rotation = rotation_from_angles(angles / DEGREES_PER_RADIAN)
+        arms = np.array([[camera[name] for name in OFFSET] for camera in offsets[rig].values()])
+        found[f"{exposure} of rig {rig}"] = np.vstack([place, place + arms @ rotation.T])
+    return found
 
 
 def pyramid_corners(given: ReportInput) -> FloatArray:

@@ -73,7 +73,7 @@ WIDTH = 620.0
 """Width of the widest map, pixels."""
 
 _TALLEST, _SHORTEST = 560.0, 60.0
-_LEFT, _RIGHT, _TOP, _BOTTOM = 64.0, 14.0, 12.0, 46.0
+_LEFT, _RIGHT, _TOP, _BOTTOM = 78.0, 14.0, 12.0, 46.0
 
 
 class MapPlane(NamedTuple):

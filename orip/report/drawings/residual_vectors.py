@@ -146,7 +146,11 @@ def _sheet(given: ReportInput, camera: str, thumbnails: Mapping[str, str], *, si
     record = given.cameras.get(record_key(camera))
     sensor = None if record is None else record.sensor
     grounds = {} if sensor is None else {name: frame.picture(address, sensor) for name, address in thumbnails.items()}
-    drawn = tuple((one.photo, _photo_drawing(one, frame, ground=grounds.get(one.photo, ""))) for one in shown)
+    motions = {one.photo: f", motion {one.pixels:.1f} px" for one in given.solution.motions}
+    drawn = tuple(
+        (one.photo, _photo_drawing(one, frame, ground=grounds.get(one.photo, ""), motion=motions.get(one.photo, "")))
+        for one in shown
+    )
     together = _photo_drawing(_together(vectors), _Frame(low, high, _MEAN_PIXELS, large), "all photos")
     mean = _mean_drawing(camera, means, low, high) if means is not None else Markup("")
     return VectorSheet(camera, together, mean, _finding(means) if means is not None else "", drawn, " ".join(notes))
@@ -275,7 +279,7 @@ class _Frame(Struct, frozen=True):
         yield text(_MARGIN + length + 5.0, y + 4.0, f"{micrometres:g} µm")
 
 
-def _photo_drawing(vectors: PhotoVectors, frame: _Frame, name: str = "", ground: str = "") -> Markup:
+def _photo_drawing(vectors: PhotoVectors, frame: _Frame, name: str = "", ground: str = "", motion: str = "") -> Markup:
     width, height = frame.size
     chosen = np.ones(len(vectors.xy), dtype=bool) if name else _thinned(vectors)
     name = name or f"photo {vectors.photo}"
@@ -293,9 +297,9 @@ def _photo_drawing(vectors: PhotoVectors, frame: _Frame, name: str = "", ground:
         ),
         *frame.scale_bar(base),
         text(width + _MARGIN, base + 4.0, rms, text_anchor="end"),
-        text(_MARGIN, base + 20.0, f"{name}, {counted(len(vectors.xy), 'point')}", class_="label"),
+        text(_MARGIN, base + 20.0, f"{name}, {counted(len(vectors.xy), 'point')}{motion}", class_="label"),
     ]
-    label = f"Residual vectors of {name}, {rms}"
+    label = f"Residual vectors of {name}, {rms}{motion}"
     return drawing(width + 2 * _MARGIN, base + 28.0, label, parts, "vectors on-picture" if ground else "vectors")
 
 

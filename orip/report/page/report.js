@@ -50,12 +50,12 @@ function polylines(lines, style) {
   return { type: "scatter3d", mode: "lines", x: at(0), y: at(1), z: at(2), hoverinfo: "skip", ...style };
 }
 
-function markers(places, names, kind, style) {
+function markers(places, names, kind, style, said = []) {
   const at = (axis) => places.map((place) => place[axis]);
-  const real = places.map((place) => place.map((value, axis) => value + block.origin[axis]));
+  const real = places.map((place, row) => [...place.map((value, axis) => value + block.origin[axis]), said[row] ?? ""]);
   return {
     type: "scatter3d", mode: "markers", x: at(0), y: at(1), z: at(2), text: names, customdata: real, name: kind,
-    hovertemplate: `${kind} %{text}<br>X %{customdata[0]:.3f}<br>Y %{customdata[1]:.3f}<br>Z %{customdata[2]:.3f}<extra></extra>`,
+    hovertemplate: `${kind} %{text}<br>X %{customdata[0]:.3f}<br>Y %{customdata[1]:.3f}<br>Z %{customdata[2]:.3f}%{customdata[3]}<extra></extra>`,
     textposition: "top center", textfont: { size: 10, color: colour("soft") }, ...style,
   };
 }
@@ -66,13 +66,24 @@ function pyramid(centre, corners) {
 }
 
 function photoTraces() {
-  const { names, xyz, corners } = block.photos;
+  const { names, xyz, corners, motions } = block.photos;
   const line = { color: colour("photo"), width: 2 };
   const upper = corners.map(([, , c, d]) => [d, c]);
   return [
     polylines(xyz.flatMap((centre, row) => pyramid(centre, corners[row])), { name: "photo frames", line }),
     polylines(upper, { name: "upper edge", line: { ...line, width: 6 }, showlegend: false }),
-    markers(xyz, names, "photo", { marker: { size: 3.5, color: colour("photo"), symbol: "square" } }),
+    markers(xyz, names, "photo", { marker: { size: 3.5, color: colour("photo"), symbol: "square" } }, motions),
+  ];
+}
+
+// Rigs: from the origin of each to its cameras.
+function bodyTraces() {
+  if (!block.bodies.length) return [];
+  const arms = block.bodies.flatMap(({ xyz: [middle, ...cameras] }) => cameras.map((camera) => [middle, camera]));
+  const middles = block.bodies.map(({ xyz: [middle] }) => middle);
+  return [
+    polylines(arms, { name: "rigs", line: { color: colour("ink"), width: 8 } }),
+    markers(middles, block.bodies.map(({ name }) => name), "exposure", { marker: { size: 2.5, color: colour("ink") }, showlegend: false }),
   ];
 }
 
@@ -117,9 +128,9 @@ const photoNames = document.getElementById("photo-names");
 const pointNames = document.getElementById("point-names");
 
 function draw() {
-  const traces = [...photoTraces(), ...pointTraces(), rayTrace(rays.value)];
+  const traces = [...photoTraces(), ...bodyTraces(), ...pointTraces(), rayTrace(rays.value)];
   for (const trace of traces) {
-    const named = trace.name === "photo" ? photoNames.checked : trace.name !== "tie point" && pointNames.checked;
+    const named = trace.name === "photo" ? photoNames.checked : trace.name.endsWith(" point") && trace.name !== "tie point" && pointNames.checked;
     if (trace.mode === "markers" && named) trace.mode = "markers+text";
   }
   // plotly has a button that uploads what is drawn; nothing of a project leaves its page

@@ -10,10 +10,12 @@ from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.errors import Complaint, InputError, ProjectWarning
-from orip.files.text.lines import read_bytes
+from orip.files.text.shown import shown_token
 from orip.geometry.ground_ellipsoid import geographic_from_geocentric, place_axes
 from orip.progress import stage
-from orip.stations.gnss.receiver_data import ReceiverFile, moment, read_receiver_file
+from orip.stations.gnss.calendar import moment
+from orip.stations.gnss.given_files import Antex, PreciseFile, is_precise, read_antex, read_precise
+from orip.stations.gnss.receiver_data import ReceiverFile, read_receiver_file
 from orip.stations.gnss.rtklib import Settings, Way, engine, run_rtklib
 from orip.stations.gnss.solution import (
     Joined,
@@ -38,7 +40,6 @@ _EXCHANGED, _OFF = 200.0, 30.0
 _LONG = 20_000.0
 """Metres of a baseline on which the ionosphere no longer is the same at both ends."""
 
-_PRECISE = (".sp3", ".eph", ".clk")
 _LEAST_FIXED = 0.5
 
 
@@ -59,6 +60,10 @@ class GnssFiles(Struct, frozen=True):
         Degrees.
     systems : str
     frequencies : int
+    antex : Path or None
+        Calibrations of antennas.
+    rover_antenna, base_antenna : str
+        Types of antennas in it; empty: those of the headers.
     """
 
     rover: Path
@@ -71,6 +76,9 @@ class GnssFiles(Struct, frozen=True):
     elevation: float = 15.0
     systems: str = "GREJC"
     frequencies: int = 2
+    antex: Path | None = None
+    rover_antenna: str = ""
+    base_antenna: str = ""
 
 
 class GnssResult(Struct, frozen=True):
@@ -144,7 +152,15 @@ def process_gnss(files: GnssFiles) -> GnssResult:
     program = engine()
     rover, base, orbits, precise = _read(files)
     place = files.base_place
-    complaints = list(_complaints(files, rover, base, orbits))
+    complaints = list(_complaints(files, rover, base, orbits, precise))
+    antex = None if files.antex is None else read_antex(files.antex)
+    antennas = ("", "")
+    if isinstance(antex, Complaint):
+        complaints.append(antex)
+    elif antex is not None:
+        wanted = (files.rover_antenna or rover.antenna_type, files.base_antenna or base.antenna_type)
+        complaints += _unknown_antennas(antex, wanted, (rover, base))
+        antennas = (antex.known(wanted[0]) or "", antex.known(wanted[1]) or "")
     if place is None and not np.isfinite(base.place).all():
         complaints.append(Complaint("the header has no place of the base; give it: --base X,Y,Z", base.shown))
     if complaints:
@@ -156,19 +172,22 @@ def process_gnss(files: GnssFiles) -> GnssResult:
         files.way, place,
         rover_antenna=_antenna(rover, files.rover_height), base_antenna=_antenna(base, files.base_height),
         elevation=files.elevation, frequencies=files.frequencies, systems=files.systems,
-        precise=bool(precise),
+        precise=bool(precise), antennas=antennas,
     )  # fmt: skip
     texts = [(_ENDINGS[part.kind], part.data) for part in (rover, base, *orbits)]
-    texts += [(path.suffix.lower(), data) for path, data in precise]
+    texts += [(part.ending, part.data) for part in precise]
+    calibrations = None if antex is None or isinstance(antex, Complaint) else antex.data
     directions = []
     with stage("RTKLIB", total=2) as advance:
         for backward in (False, True):
-            directions.append(parse_solution(run_rtklib(replace(settings, backward=backward), texts, program)))
+            directions.append(
+                parse_solution(run_rtklib(replace(settings, backward=backward), texts, program, calibrations))
+            )
             advance(len(directions))
     forward, backward_solution = directions
     if not len(forward) or not len(backward_solution):
         message = (
-            f"RTKLIB finds no position: {_common(rover, base)} epochs and "
+            f"RTKLIB finds no position: {common_epochs(rover, base)} epochs and "
             f"{len(rover.satellites & base.satellites)} satellites in common, satellites above {files.elevation:g} "
             "degrees are used; are orbits of all of them there, and code and phase of at least five at a time?"
         )
@@ -176,39 +195,45 @@ def process_gnss(files: GnssFiles) -> GnssResult:
     joined = forward_alone(forward) if files.way == "static" else join_directions(forward, backward_solution)
     last, other = forward.place[-1], backward_solution.place[-1]
     result = GnssResult(
-        rover, base, settings, program, joined, doubted_stretches(joined), _common(rover, base),
+        rover, base, settings, program, joined, doubted_stretches(joined), common_epochs(rover, base),
         last, forward.covariance[-1], last - other, tuple(warnings),
     )  # fmt: skip
     return replace(result, warnings=(*warnings, *_doubts(result)))
 
 
-def _read(
-    files: GnssFiles,
-) -> tuple[ReceiverFile, ReceiverFile, list[ReceiverFile], list[tuple[Path, bytes]]]:
-    """Return rover, base, broadcast orbits, and names and contents of precise ones."""
-    found: list[ReceiverFile] = []
-    precise: list[tuple[Path, bytes]] = []
-    complaints: list[Complaint] = []
-    for number, path in enumerate((files.rover, files.base, *files.orbits)):
-        kind = "O" if number < 2 else "N"
-        if kind == "N" and path.suffix.lower() in _PRECISE:
-            text, faults = read_bytes(path, path.name)
-            complaints += faults
-            precise.append((path, text or b""))
-            continue
-        part = read_receiver_file(path, path.name)
+def _read(files: GnssFiles) -> tuple[ReceiverFile, ReceiverFile, list[ReceiverFile], list[PreciseFile]]:
+    """Return rover, base, broadcast orbits, and precise orbits and clocks."""
+    paths = [(files.rover, "O"), (files.base, "O"), *((path, "N") for path in files.orbits if not is_precise(path))]
+    read = {at: read_receiver_file(path, path.name, kind) for at, (path, kind) in enumerate(paths)}
+    known = [part.time[0] for part in read.values() if isinstance(part, ReceiverFile)]
+    if known:  # what has seconds of the week alone is of the week of the others
+        for at, part in read.items():
+            if isinstance(part, list):
+                path, kind = paths[at]
+                read[at] = read_receiver_file(path, path.name, kind, near=known[0])
+    precise = [read_precise(path) for path in files.orbits if is_precise(path)]
+    found, complaints = [], [part for part in precise if isinstance(part, Complaint)]
+    for at, part in read.items():
         if isinstance(part, list):
             complaints += part
-        elif part.kind != kind:
-            wanted = "observations" if kind == "O" else "orbits (a navigation file)"
-            order = "the order is ROVER BASE NAV..."
-            message = f"this file has {_KINDS[part.kind]} where {wanted} are needed: {order}"
+        elif part.kind != paths[at][1]:
+            wanted = "observations" if paths[at][1] == "O" else "orbits (a navigation file)"
+            message = f"this file has {_KINDS[part.kind]} where {wanted} are needed: the order is ROVER BASE NAV..."
             complaints.append(Complaint(message, part.shown))
         else:
             found.append(part)
     if complaints:
         raise InputError(complaints)
-    return found[0], found[1], found[2:], precise
+    return found[0], found[1], found[2:], [part for part in precise if isinstance(part, PreciseFile)]
+
+
+def _unknown_antennas(antex: Antex, wanted: Sequence[str], parts: Sequence[ReceiverFile]) -> Iterator[Complaint]:
+    for antenna, part, option in zip(wanted, parts, ("--rover-antenna", "--base-antenna"), strict=True):
+        if antex.known(antenna) is None:
+            what = (
+                f"antenna '{shown_token(antenna)}' is not in {antex.shown}" if antenna else "the header has no antenna"
+            )
+            yield Complaint(f"{what}; give its type with {option}: {antex.alike(antenna)}", part.shown)
 
 
 _KINDS = {"O": "observations", "N": "orbits"}
@@ -217,26 +242,25 @@ _ENDINGS = {"O": ".obs", "N": ".nav"}
 
 
 def _complaints(
-    files: GnssFiles, rover: ReceiverFile, base: ReceiverFile, orbits: Sequence[ReceiverFile]
-) -> Iterator[Complaint]:
+    files: GnssFiles, rover: ReceiverFile, base: ReceiverFile, orbits: Sequence[ReceiverFile],
+    precise: Sequence[PreciseFile],
+) -> Iterator[Complaint]:  # fmt: skip
     if rover.data == base.data:
         yield Complaint("rover and base are the same file; give the observations of two receivers", rover.shown)
         return
-    if not _common(rover, base):
+    if not common_epochs(rover, base):
         yield Complaint(
             f"rover and base have no epoch in common: {rover.span} in {rover.shown}, {base.span} in {base.shown} "
             "(GPS time); give files of the same hours",
             rover.shown,
         )
         return
-    if files.way == "static" and _common(rover, base) == 1:
+    if files.way == "static" and common_epochs(rover, base) == 1:
         yield Complaint("there is one epoch in common; a baseline that stands needs many: --way epochs", rover.shown)
     common = {name for name in rover.satellites & base.satellites if name[0] in files.systems}
     if not common:
         yield Complaint(f"rover and base have no satellite of the systems {files.systems} in common", rover.shown)
-    for part in orbits:
-        if part.time[-1] + _ORBITS_HOLD < rover.time[0] or part.time[0] - _ORBITS_HOLD > rover.time[-1]:
-            yield Complaint(f"orbits of {part.span} do not serve for {rover.span}; give those of the day", part.shown)
+    yield from _of_other_times(rover, orbits, precise)
     known = {name for part in orbits for name in part.satellites}
     if orbits and common and not common & known:
         yield Complaint("the orbits are of other satellites than those observed", orbits[0].shown)
@@ -248,6 +272,21 @@ def _complaints(
                 f"({to_base:.0f} m): are rover and base exchanged? The order is ROVER BASE NAV...",
                 rover.shown,
             )
+
+
+def _of_other_times(
+    rover: ReceiverFile, orbits: Sequence[ReceiverFile], precise: Sequence[PreciseFile]
+) -> Iterator[Complaint]:
+    if precise and not orbits:
+        text = "RTKLIB needs broadcast orbits beside precise ones; give a navigation file of the day too"
+        yield Complaint(text, precise[0].shown)
+    for part in orbits:
+        if part.time[-1] + _ORBITS_HOLD < rover.time[0] or part.time[0] - _ORBITS_HOLD > rover.time[-1]:
+            yield Complaint(f"orbits of {part.span} do not serve for {rover.span}; give those of the day", part.shown)
+    for given in precise:
+        if given.time[-1] < rover.time[0] or given.time[0] > rover.time[-1]:
+            text = f"{given.span} does not serve for {rover.span}; give the file of the day"
+            yield Complaint(text, given.shown)
 
 
 def _warnings(place: Sequence[float], rover: ReceiverFile, base: ReceiverFile) -> Iterator[ProjectWarning]:
@@ -284,7 +323,7 @@ def _antenna(part: ReceiverFile, height: float | None) -> tuple[float, float, fl
     return east, north, up if height is None else height
 
 
-def _common(rover: ReceiverFile, base: ReceiverFile) -> int:
+def common_epochs(rover: ReceiverFile, base: ReceiverFile) -> int:
     """Return how many epochs of the rover the base observed too."""
     at = np.searchsorted(base.time, rover.time)
     before, after = base.time[np.maximum(at - 1, 0)], base.time[np.minimum(at, len(base.time) - 1)]

@@ -8,7 +8,6 @@ from __future__ import annotations
 import gzip
 import re
 import zlib
-from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,8 @@ from orip.errors import Complaint
 from orip.files.text.lines import read_bytes
 from orip.files.text.regular_file import LARGEST_FILE
 from orip.files.text.shown import shown_token
-from orip.records.epochs import GPS_START
+from orip.stations.gnss.calendar import moment, seconds_of_date
+from orip.stations.gnss.raw_files import log_of, rinex_of_log
 
 _GZIP = b"\x1f\x8b"
 _COMPRESSED = ((b"\x1f\x9d", "compressed by compress (.Z)"), (b"PK\x03\x04", "a ZIP archive"))
@@ -88,14 +88,24 @@ class ReceiverFile(Struct, frozen=True):
         return f"{moment(self.time[0])} to {moment(self.time[-1])}"
 
 
-def moment(time: float) -> str:
-    """Return a time (seconds since 1980-01-06, GPS time) as ``2005-04-02 00:00:30``."""
-    return str(GPS_START + timedelta(seconds=round(time)))[:19]
+def read_receiver_file(
+    path: Path, shown: str, kind: str = "O", near: float | None = None
+) -> ReceiverFile | list[Complaint]:
+    """Read what is in a file, or say what is wrong with it.
 
-
-def read_receiver_file(path: Path, shown: str) -> ReceiverFile | list[Complaint]:
-    """Read what is in a file, or say what is wrong with it."""
-    data = _unpacked(path, shown)
+    Parameters
+    ----------
+    path : Path
+    shown : str
+    kind : {"O", "N"}
+        What is wanted of a log that has observations and orbits.
+    near : float, optional
+        A time within half a week of those of the file, as of `rinex_of_log`.
+    """
+    data = unpacked(path, shown)
+    log = None if isinstance(data, Complaint) else log_of(data)
+    if log is not None and not isinstance(data, Complaint):
+        data = rinex_of_log(data, log, kind, near, shown)
     if isinstance(data, Complaint):
         return [data]
     lines = data.decode("ascii", errors="replace").splitlines()
@@ -116,7 +126,8 @@ def read_receiver_file(path: Path, shown: str) -> ReceiverFile | list[Complaint]
     )  # fmt: skip
 
 
-def _unpacked(path: Path, shown: str) -> bytes | Complaint:
+def unpacked(path: Path, shown: str) -> bytes | Complaint:
+    """Return what is in a file, without gzip and Hatanaka's compression; or what is wrong with it."""
     data, faults = read_bytes(path, shown)
     if data is None:
         return faults[0]
@@ -242,7 +253,7 @@ def _epochs(lines: list[str], version: float) -> tuple[FloatArray, FloatArray, f
                 named -= 12
             continue
         flag, count = int(found[7]), int(found[8] or 0)
-        time = _time([float(part) for part in found.groups()[:6]])
+        time = seconds_of_date([float(part) for part in found.groups()[:6]])
         if time is not None and flag in _OBSERVED:
             times.append(time)
             if version < 3.0:
@@ -266,7 +277,7 @@ def _orbits(lines: list[str], header: _Header) -> tuple[FloatArray, FloatArray, 
         else:
             name, words = f"{header.system}{line[:2]}", line[2:22].split()
         found = _satellites(name) if name[:1].strip() and len(words) == 6 else set()
-        time = _time([float(word) for word in words]) if found and all(map(_is_plain, words)) else None
+        time = seconds_of_date([float(word) for word in words]) if found and all(map(_is_plain, words)) else None
         if time is not None:
             times.append(time)
             satellites |= found
@@ -275,15 +286,3 @@ def _orbits(lines: list[str], header: _Header) -> tuple[FloatArray, FloatArray, 
 
 def _is_plain(word: str) -> bool:
     return re.fullmatch(r"\d+(\.\d*)?", word) is not None
-
-
-def _time(parts: list[float]) -> float | None:
-    """Return seconds since 1980-01-06 of year, month, day, hour, minute and second; None of what is no date."""
-    year = int(parts[0])
-    year += (1900 if year >= 80 else 2000) if year < 100 else 0
-    month, day, hour, minute = (int(part) for part in parts[1:5])
-    try:
-        begin = datetime(year, month, day, hour, minute)
-    except ValueError:
-        return None
-    return (begin - GPS_START).total_seconds() + parts[5] if parts[5] < 61.0 else None

@@ -58,6 +58,8 @@ class Settings(Struct, frozen=True):
         Least of the second best to the best set of ambiguities (LAMBDA).
     precise : bool
         Precise orbits are among the files.
+    antennas : tuple of 2 str
+        Of rover and base, as calibrations name them; empty: none are applied.
     """
 
     way: Way
@@ -70,6 +72,7 @@ class Settings(Struct, frozen=True):
     systems: str = "GREJC"
     ratio: float = 3.0
     precise: bool = False
+    antennas: tuple[str, str] = ("", "")
 
     @property
     def mask(self) -> int:
@@ -88,6 +91,7 @@ class RtklibRequest(Struct, frozen=True):
     settings: Settings
     output: str
     files: list[str] = field(default_factory=list)
+    antex: str = ""
 
 
 def engine() -> str:
@@ -110,7 +114,7 @@ def engine() -> str:
     return program
 
 
-def run_rtklib(settings: Settings, texts: Sequence[tuple[str, bytes]], program: str) -> str:
+def run_rtklib(settings: Settings, texts: Sequence[tuple[str, bytes]], program: str, antex: bytes | None = None) -> str:
     """Return a solution as RTKLIB writes it (.pos); empty where it has none.
 
     Parameters
@@ -120,6 +124,8 @@ def run_rtklib(settings: Settings, texts: Sequence[tuple[str, bytes]], program: 
         Endings (``.obs``, ``.nav``, ``.sp3``) and contents of the files: rover, base, orbits.
     program : str
         What `engine` returned.
+    antex : bytes, optional
+        Calibrations of antennas.
 
     Raises
     ------
@@ -132,19 +138,21 @@ def run_rtklib(settings: Settings, texts: Sequence[tuple[str, bytes]], program: 
             path = Path(folder, f"{number}{ending}")
             path.write_bytes(text)
             files.append(str(path))
-        output = Path(folder, "solution.pos")
-        _run(settings, files, output, program)
+        output, calibrations = Path(folder, "solution.pos"), Path(folder, "antennas.atx")
+        if antex is not None:
+            calibrations.write_bytes(antex)
+        request = RtklibRequest(settings, str(output), files, "" if antex is None else str(calibrations))
+        _run(request, output, program)
         return output.read_text(encoding="ascii", errors="replace") if output.exists() else ""
 
 
-def _run(settings: Settings, files: list[str], output: Path, program: str) -> None:
-    request = RtklibRequest(settings, str(output), files)
+def _run(request: RtklibRequest, output: Path, program: str) -> None:
     if program == "pyrtklib5":
         command, given = [sys.executable, "-m", "orip.stations.gnss.rtklib_process"], json.encode(request)
     else:
         options = output.with_suffix(".conf")
-        options.write_text(_options(settings), encoding="ascii")
-        command, given = [program, "-k", str(options), "-o", str(output), *files], b""
+        options.write_text(_options(request), encoding="ascii")
+        command, given = [program, "-k", str(options), "-o", str(output), *request.files], b""
     try:
         done = subprocess.run(command, input=given, capture_output=True, check=False, timeout=_TIME_LIMIT_S)
     except subprocess.TimeoutExpired:
@@ -159,10 +167,11 @@ def _run(settings: Settings, files: list[str], output: Path, program: str) -> No
         raise OripError(message)
 
 
-def _options(settings: Settings) -> str:
+def _options(request: RtklibRequest) -> str:
     """Return the text of options of rnx2rtkp (RTKLIB 2.4.3 manual, appendix C)."""
+    settings = request.settings
     rover, base = settings.rover_antenna, settings.base_antenna
-    lines = {
+    lines: dict[str, object] = {
         "pos1-posmode": _MODES[settings.way],
         "pos1-frequency": settings.frequencies,
         "pos1-soltype": int(settings.backward),
@@ -188,6 +197,10 @@ def _options(settings: Settings) -> str:
         "ant2-antdeln": base[1],
         "ant2-antdelu": base[2],
     }
+    if request.antex:
+        lines |= {"ant1-anttype": settings.antennas[0], "ant2-anttype": settings.antennas[1]}
+        lines |= {"file-rcvantfile": request.antex, "file-satantfile": request.antex}
+        lines["pos1-posopt1"] = lines["pos1-posopt2"] = int(settings.precise)
     return "".join(f"{name:<18}={value}\n" for name, value in lines.items())
 
 
@@ -210,10 +223,16 @@ def compute(request: RtklibRequest) -> int:
         process.rb[axis] = settings.base[axis]
         process.antdel[0, axis], process.antdel[1, axis] = settings.rover_antenna[axis], settings.base_antenna[axis]
     output.posf, output.timef, output.times = pyrtklib5.SOLF_XYZ, 0, pyrtklib5.TIMES_GPST
+    paths = pyrtklib5.filopt_t()
+    if request.antex:
+        for number, antenna in enumerate(settings.antennas):
+            for at, letter in enumerate(antenna):
+                process.anttype[number, at] = letter
+        for at, letter in enumerate(request.antex):
+            paths.rcvantp[at] = paths.satantp[at] = letter
+        process.posopt[0] = process.posopt[1] = int(settings.precise)
     always = pyrtklib5.gtime_t()
     files = request.files
     return int(
-        pyrtklib5.postpos(
-            always, always, 0.0, 0.0, process, output, pyrtklib5.filopt_t(), files, len(files), request.output, "", ""
-        )
+        pyrtklib5.postpos(always, always, 0.0, 0.0, process, output, paths, files, len(files), request.output, "", "")
     )

@@ -3,7 +3,9 @@
 Velocity changes of the receiver, less those of gravity, are the integrated specific forces of the unit, turned by the
 attitude sought; the attitudes in between follow from the gyroscopes. Gravity gives the level, manoeuvres give the
 course: one rotation by least squares over all of them (Wahba's problem; Wu and Pan 2013, Velocity/position integration
-formula, IEEE Transactions on Aerospace and Electronic Systems 49).
+formula, IEEE Transactions on Aerospace and Electronic Systems 49). A unit that is good enough and stands feels the
+rotation of the Earth, which gives the course too (gyrocompass; Titterton and Weston 2004, Strapdown inertial navigation
+technology, chapter 10).
 """
 
 from __future__ import annotations
@@ -13,7 +15,8 @@ from msgspec import Struct
 from scipy.spatial.transform import Rotation
 
 from orip.arrays import FloatArray
-from orip.stations.inertial.samples import Fixes, ImuSamples, LocalGravity
+from orip.geometry.frames import EARTH_RATE
+from orip.stations.inertial.samples import Fixes, ImuSamples, Observed
 
 _STANDING_SPEED = 0.3
 _STANDING_S = 5.0
@@ -21,6 +24,8 @@ _ENOUGH = 8.0
 """m/s: root of the sum of squares of horizontal velocity changes that give a course to a degree or so."""
 
 _LONGEST_S = 120.0
+_COMPASS_S = 30.0
+_COARSEST_COMPASS = np.radians(20.0)
 _MEMS_RATE = 1e-3
 """rad/s: a mean rate above is the bias of a small unit, not the rotation of the Earth."""
 
@@ -36,7 +41,7 @@ class Alignment(Struct, frozen=True):
     gyro_bias : array (3,)
         rad/s, from standing; else zero.
     change : float
-        Root of the sum of squares of the horizontal velocity changes that gave the course, m/s.
+        Root of the sum of squares of the horizontal velocity changes that gave the course, m/s; NaN: by gyrocompass.
     deviation : float
         Of the course, radians.
     """
@@ -48,11 +53,29 @@ class Alignment(Struct, frozen=True):
     deviation: float
 
 
-def align(imu: ImuSamples, fixes: Fixes, gravity: LocalGravity) -> Alignment:
+def course_deviation(gyro_bias: float, latitude: float) -> float:
+    """Return the error of a gyrocompass, radians, by a bias across the meridian, rad/s; latitude in radians."""
+    return float(gyro_bias / (EARTH_RATE * np.cos(latitude)))
+
+
+def level_deviation(accelerometer_bias: float, gravity: float = 9.80665) -> float:
+    """Return the error of a level, radians, by a horizontal bias, m/s²."""
+    return float(accelerometer_bias / gravity)
+
+
+def align(observed: Observed) -> Alignment:
     """Return the attitude at the first fix."""
-    velocity = velocities_of(fixes)
-    speed = np.linalg.norm(velocity[:, :2], axis=1)
+    fixes = observed.fixes
+    speed = np.linalg.norm(velocities_of(fixes)[:, :2], axis=1)
     moving = int(np.argmax(speed > _STANDING_SPEED)) if (speed > _STANDING_SPEED).any() else len(speed)
+    moved = _by_movement(observed, moving)
+    stood = _by_gyrocompass(observed, float(fixes.time[max(moving - 1, 0)]))
+    return moved if stood is None or moved.deviation < stood.deviation else stood
+
+
+def _by_movement(observed: Observed, moving: int) -> Alignment:
+    imu, fixes, gravity = observed.imu, observed.fixes, observed.gravity
+    velocity = velocities_of(fixes)
     bias = _standing_bias(imu, fixes.time[0], fixes.time[max(moving - 1, 0)])
     first = max(moving - 3, 0)
     turned = np.eye(3)
@@ -68,9 +91,27 @@ def align(imu: ImuSamples, fixes: Fixes, gravity: LocalGravity) -> Alignment:
         squares += float(difference[:2] @ difference[:2])
         if squares > _ENOUGH**2 or end - fixes.time[first] > _LONGEST_S:
             break
-    rotation, deviation = _fitted(np.array(change_b), np.array(change_n), squares)
+    rotation, deviation = _fitted(np.array(change_b).reshape(-1, 3), np.array(change_n).reshape(-1, 3), squares)
     back = _turned_between(imu, float(fixes.time[0]), float(fixes.time[first]), bias)
     return Alignment(float(fixes.time[0]), rotation @ back.T, bias, float(np.sqrt(squares)), deviation)
+
+
+def _by_gyrocompass(observed: Observed, end: float) -> Alignment | None:
+    """Return the attitude of a body that stands until a time; None: not long enough, or the unit is too coarse."""
+    imu, noise, begin = observed.imu, observed.noise, float(observed.fixes.time[0])
+    within = (imu.time >= begin) & (imu.time < end - 1.0)
+    if end - begin < _COMPASS_S or not within.any():
+        return None
+    bias = float(np.hypot(noise.gyro_bias, noise.gyro / np.sqrt(end - begin)))
+    deviation = course_deviation(bias, observed.gravity.latitude)
+    if deviation > _COARSEST_COMPASS:
+        return None
+    up, turning = imu.force[within].mean(axis=0), imu.rate[within].mean(axis=0)
+    up = up / np.linalg.norm(up)
+    north = turning - (turning @ up) * up
+    north = north / np.linalg.norm(north)
+    rotation = np.array([np.cross(north, up), north, up])
+    return Alignment(begin, rotation, np.zeros(3), np.nan, deviation)
 
 
 def velocities_of(fixes: Fixes) -> FloatArray:

@@ -65,5 +65,30 @@ def chain_of(single: Sequence[Iterable[FloatArray]], tied: Sequence[Iterable[Flo
     return Chain(covariance, gain)
 
 
+def border_of(single: Sequence[Iterable[FloatArray]], tied: Sequence[Iterable[FloatArray]], size: int) -> FloatArray:
+    """Return what rows say of further unknowns that all of them share, and of their right-hand side.
+
+    Parameters
+    ----------
+    single, tied
+        As of `chain_of`, with e further columns, the last of them the right-hand side.
+    size : int
+        Unknowns of a state, s.
+
+    Returns
+    -------
+    array (e, e)
+        Upper triangle: the equations of the shared unknowns when those of all states are eliminated.
+    """
+    kept, tail = np.vstack(list(single[0])), []
+    for own, both in zip(single[1:], tied, strict=True):
+        padded = np.hstack([kept[:, :size], np.zeros((len(kept), size)), kept[:, size:]])
+        reduced = _triangle([padded, *both])
+        tail.append(reduced[2 * size :, 2 * size :])
+        kept = np.vstack([reduced[size : 2 * size, size:], *own])
+    tail.append(_triangle([kept])[size:, size:])
+    return _triangle(tail)
+
+
 def _triangle(rows: Sequence[FloatArray]) -> FloatArray:
     return np.asarray(np.linalg.qr(np.vstack(rows), mode="r"), dtype=np.float64)

@@ -40,6 +40,14 @@ class ImuSamples(Struct, frozen=True):
         force, rate = ((part[1:] + part[:-1]) / 2.0 for part in values)
         return force, rate, np.diff(times)
 
+    def mean_rates(self, times: FloatArray, half: float = 0.025) -> FloatArray:
+        """Return the mean angular rates (m, 3) around some times; vibration is averaged."""
+        steps = (self.rate[1:] + self.rate[:-1]) / 2.0 * np.diff(self.time)[:, None]
+        turned = np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
+        begin, end = np.maximum(times - half, self.time[0]), np.minimum(times + half, self.time[-1])
+        angle = [np.interp(end, self.time, column) - np.interp(begin, self.time, column) for column in turned.T]
+        return np.asarray(np.column_stack(angle) / (end - begin)[:, None])
+
 
 class Fixes(Struct, frozen=True):
     """m positions of the antenna in a local frame: x east, y north, z up at its origin.
@@ -112,6 +120,26 @@ class LocalGravity(Struct, frozen=True):
         size = normal_gravity(self.latitude, self.height + float(place[2]))
         down = np.array([-place[0] / EARTH_RADIUS, -place[1] / EARTH_RADIUS, -1.0])
         return np.asarray(size * down / np.linalg.norm(down))
+
+
+class Observed(Struct, frozen=True):
+    """All that a trajectory is computed from.
+
+    Parameters
+    ----------
+    imu : ImuSamples
+    fixes : Fixes
+    gravity : LocalGravity
+    noise : ImuNoise
+    lever_arm : array (3,)
+        From the unit to the antenna along the axes of the body, m.
+    """
+
+    imu: ImuSamples
+    fixes: Fixes
+    gravity: LocalGravity
+    noise: ImuNoise
+    lever_arm: FloatArray
 
 
 EARTH_RADIUS = 6.371e6

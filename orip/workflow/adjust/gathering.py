@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from orip.bundle.assemble import BlockInput
-from orip.errors import UNREAD_FILE, ProjectWarning
+from orip.errors import UNREAD_FILE, InputError, ProjectWarning
 from orip.files.text.decimal_numbers import control_texts_of_folder, tables_in_folder
 from orip.records.coded_names import coded
 from orip.records.control import Control
+from orip.records.ground import TerrainModel
 from orip.records.names import record_key
 from orip.wording import first_names
 from orip.workflow.project.bundle_state import BundleState
+from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.texts import raise_complaints
 
 _FEWEST = 2
@@ -130,4 +132,25 @@ def block_input_so_far(bundle: BundleState) -> BlockInput:
         (*unread_files(bundle, given.value.control), *control_of_another_name(bundle), *given.warnings),
         definition.antennas,
         definition.rigs,
+        tuple(_terrain_models(bundle.project)),
     )
+
+
+def _terrain_models(project: ProjectFolder) -> Iterator[TerrainModel]:
+    """Yield the terrain models of a project.
+
+    Raises
+    ------
+    InputError
+        If one cannot be read, or is in another system than the project.
+    """
+    for terrain in project.definition.terrains:
+        from orip.files.height_raster import read_height_raster
+        from orip.geometry.height_grid import other_system
+
+        path = project.folder / terrain.file
+        grid = read_height_raster(path, project.shown(path))
+        if (difference := other_system(grid, project.definition.crs)) is not None:
+            message = f"{difference}; convert the raster into the project's system (gdalwarp), and give that"
+            raise InputError.single(message, project.shown(path))
+        yield TerrainModel(terrain, grid)

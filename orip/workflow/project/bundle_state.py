@@ -116,7 +116,7 @@ class BundleState(Struct, frozen=True, dict=True):
 
     @cached_property
     def digests(self) -> Digests:
-        """Return the digests of what a solution depends on in the stores, and of crs, antennas and rigs."""
+        """Return the digests of what a solution depends on in the stores, and of what orip.toml alone has."""
         project, definitions = self.project, self.state.definitions
         cameras = [stored.record for stored in definitions.cameras]
         photos = (record_digest(stored.record) for stored in definitions.photos)
@@ -127,7 +127,9 @@ class BundleState(Struct, frozen=True, dict=True):
             (project.shown(project.exterior), digest_of_records([self.definition])),
             (project.shown(project.observations(self.name)), self.digest_of_observations),
             *project.crs_digest,
+            *project.angle_digest,
             *project.antenna_digest,
+            *project.terrain_digest,
             *project.rig_digest,
         )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,7 @@ from orip.files.stores.contents.definitions import StoredRecord
 from orip.files.stores.digest import record_digest
 from orip.files.stores.identity import refuse_older_stores
 from orip.files.stores.transaction import reading
+from orip.files.text.regular_file import file_digest
 from orip.records.definition import BundleDefinition, ProjectDefinition
 from orip.records.names import record_key
 from orip.structs import replace
@@ -113,10 +115,27 @@ class ProjectFolder(Struct, frozen=True):
         return () if crs is None else ((f"crs of {PROJECT_FILE}", record_digest((crs,))),)
 
     @property
+    def angle_digest(self) -> tuple[tuple[str, str], ...]:
+        """Return the name, in messages, and the digest of the unit of angles; none of degrees."""
+        unit = self.definition.angle_unit
+        return () if unit == "degrees" else ((f"angle_unit of {PROJECT_FILE}", record_digest((unit,))),)
+
+    @property
     def antenna_digest(self) -> tuple[tuple[str, str], ...]:
         """Return the name, in messages, and the digest of each antenna."""
         antennas = self.definition.antennas
         return tuple((f"antenna {antenna.name} of {PROJECT_FILE}", record_digest(antenna)) for antenna in antennas)
+
+    @property
+    def terrain_digest(self) -> tuple[tuple[str, str], ...]:
+        """Return the name, in messages, and the digest of each terrain model and of its file."""
+        found = []
+        for terrain in self.definition.terrains:
+            file = self.folder / terrain.file
+            found.append((f"terrain {terrain.name} of {PROJECT_FILE}", record_digest(terrain)))
+            with suppress(OSError):  # what is wrong with it is said when it is read
+                found.append((self.shown(file), file_digest(file)))
+        return tuple(found)
 
     @property
     def rig_digest(self) -> tuple[tuple[str, str], ...]:

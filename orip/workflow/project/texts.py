@@ -16,6 +16,7 @@ from typing import Any
 from msgspec import Struct
 
 from orip.errors import Complaint, InputError, NoProjectError
+from orip.files.control.angle_units import in_degrees
 from orip.files.control.preliminary_text import read_preliminary
 from orip.files.control.reader import read_control
 from orip.files.control.stations_text import read_stations
@@ -26,6 +27,7 @@ from orip.files.text.shown import Parsed
 from orip.records.control import IN_PROJECT, Control, PreliminaryPoint, Station
 from orip.records.measurement import LogRecord
 from orip.structs import replace
+from orip.units import DEGREES_PER_UNIT
 from orip.workflow.project.folder import PROJECT_FILE, ProjectFolder, open_project
 
 EDITS_FILE = "EDITS.MEA"
@@ -150,7 +152,7 @@ def read_ground_control(project: ProjectFolder, base: str) -> Parsed[Control]:
     control = read_control(project.folder, base)
     misspelt = [_misspelt(project, project.folder / f"{base}.{extension}") for extension in CONTROL_EXTENSIONS]
     complaints = [*_given(misspelt), *control.complaints]
-    found = control.value
+    found = in_degrees(control.value, DEGREES_PER_UNIT[project.definition.angle_unit])
     try:
         found = replace(found, stations=_stations_in_project(project, found), station_reference=IN_PROJECT)
     except InputError as error:

@@ -14,6 +14,8 @@ from bundle.blocking.divided_blocks import (
     with_distances,
     with_stations,
 )
+from rolling.rolling_flights import flown
+from support.rig_blocks import rig_block
 
 from orip.adjustment.normals import solve_normals
 from orip.archive.blocking.divided_problem import pose_divided
@@ -24,6 +26,7 @@ from orip.bundle.results.solution import solution_of
 from orip.bundle.snooping.search import SnoopingSettings
 from orip.bundle.solve import iteration_settings, solve_problem
 from orip.bundle.starting_state import starting_state
+from orip.errors import NotSolvableError
 from orip.structs import replace
 
 MADE = (calibrated, free, with_stations, with_distances, with_blunders, undetermined)
@@ -176,3 +179,22 @@ def test_parameters_that_are_not_significant_are_removed_from_divided_blocks_as_
     assert any(text.startswith("P1, P2 of camera CAM was held at zero") for text in pruned)
     assert [found.text for found in divided.diagnosis if found.code == "pruned"] == pruned
     assert np.allclose(divided.photos.sd, whole.photos.sd, rtol=1e-7)
+
+
+@pytest.mark.parametrize("what", ["rigs", "unknown motions"])
+def test_what_is_not_divided_is_said(what):
+    block = (
+        rig_block("stereo", "divided").block
+        if what == "rigs"
+        else flown(1, 0.03, 10.0, unknown=("READOUT",), given=0.03, velocity_error=0.5, rate_error=2.0).block
+    )
+    with pytest.raises(NotSolvableError, match=f"a block with {what}.* adjust it as a whole, without Dask"):
+        pose_divided(block, largest=LARGEST_PART)
+
+
+def test_a_divided_block_of_a_rolling_shutter_has_the_results_of_the_whole_one():
+    block = flown(3, 0.03, 10.0, unknown=("C", "READOUT"), given=0.02).block
+    whole, divided = whole_and_divided(block, 6)
+    assert len(divided.iterations) == len(whole.iterations)
+    assert np.abs(divided.state.centres - whole.state.centres).max() < 1e-9
+    assert np.abs(divided.state.readouts - whole.state.readouts).max() < 1e-9

@@ -4,31 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from bundle.figure_blocks import figure_block
+from bundle.kinds.direction_blocks import DIRECTION_ERROR, PAIRS, direction_block
 from bundle.solving import OFF, redefined, rows, solution, solved
 
 from orip.bundle.snooping.search import SnoopingSettings, snoop
-from orip.records.control import GivenDirection
 from orip.structs import replace
 
-ERROR = 0.01
-PAIRS = (("N1", "N2"), ("N3", "N5"), ("N6", "N7"), ("N9", "N10"), ("N11", "N13"))
 
-
-def block_with(run=1, wrong=0.0, error=ERROR, **settings):
-    """Return a block with directions that are off the true ones by errors of a hundredth of a degree."""
-    made = figure_block(run, (), **settings)
-    random = np.random.default_rng([5, run])
-    place, lines = made.block.point_index(), []
-    for number, (start, end) in enumerate(PAIRS):
-        along = made.points[place[end]] - made.points[place[start]]
-        unit = along / np.linalg.norm(along)
-        off = np.radians(ERROR) * random.normal(size=3)
-        if number == 0:
-            off = off + np.radians(wrong) * np.cross(unit, [0.0, 0.0, 1.0]) / np.linalg.norm(unit[:2])
-        turned = unit + off - (off @ unit) * unit
-        lines.append(GivenDirection(f"E{number}", start, end, tuple((7.0 * turned).tolist()), error))
-    return made, replace(made.block, given_directions=tuple(lines))
+def block_with(run=1, **settings):
+    made = direction_block(run, **settings)
+    return replace(made, block=replace(made.block, given_directions=())), made.block
 
 
 def test_residuals_are_the_angles_to_the_adjusted_directions():
@@ -94,7 +79,7 @@ def test_a_wrong_direction_is_named():
         number = solved(clean).variance.redundancy_numbers
         kinds = [one.rows for one in solved(clean).problem.observations]
         first = sum(len(one.photo) for one in kinds[: [one.kind.name for one in kinds].index("given direction")])
-        size = 2.0 * 4.13 * ERROR / np.sqrt(number[first])
+        size = 2.0 * 4.13 * DIRECTION_ERROR / np.sqrt(number[first])
         _, spoilt = block_with(run, wrong=size, **OFF)
         found = snoop(spoilt, SnoopingSettings("apriori"), lambda _: None, lambda: False)
         named += any(first in rows_ for one in found.findings for rows_ in (one.rows, *one.alternatives))

@@ -181,7 +181,10 @@ def test_added_before_another(project: Path) -> None:
         ("camera add O c=1 unknown=C,A2", "'A2' is not a parameter"),
         ("camera add O c=1 fiducials.1=5", "write the values in braces"),
         ("camera add O c=1 fiducials.1.x=5", "has no y; it is required"),
-        ("camera add O c=1 distortion_curve.1=5", "have no names; write all of them in one list"),
+        ("camera add O c=1 distortion_curve.1=5", "has 1 different radii above 0; give at least 4"),
+        ("camera add O c=1 distortion_curve.x=5", "are pairs of numbers; write distortion_curve.FIRST=SECOND"),
+        ("camera add O c=1 distortion_curve.1=x", "are pairs of numbers; write distortion_curve.FIRST=SECOND"),
+        ("camera add O c=1 distortion_curve.1=", "has no pair that begins with 1; known are: none"),
         ("camera add O c=1 distortion.A3=1 distortion_isp.A1=1", "give the radial distortion in one form"),
         (
             "camera add O c=1 distortion_isp.R0=1e200 distortion_isp.A1=1",

@@ -17,15 +17,11 @@ from orip.exchange.colmap.reader import READING, Form, read_model
 from orip.exchange.colmap.writer import new_model
 from orip.exchange.project.block import ExchangeSettings, imported_block
 from orip.exchange.project.texts import ImportSource, imported_texts
+from orip.records.exchanged import ExchangedExposure, ExchangedMounting, ExchangedRig
 from orip.structs import replace
 
 _SETTINGS = ExchangeSettings(corrects_distortion=True)
 _SOURCE = ImportSource("colmap", "x", "x")
-_RIGS = {
-    "bin": b"\1" + bytes(7) + b"\1\0\0\0\2\0\0\0" + bytes(4) + b"\1\0\0\0" + bytes(4) + b"\2\0\0\0\1" + bytes(56),
-    "txt": b"# rigs\n1 2 CAMERA 1 CAMERA 2 1 1 0 0 0 0 0 0\n",
-}
-
 _ALLOCATED = 50
 """Bytes for each byte of the files, and half a megabyte: numbers of a text take some times the room of their digits."""
 
@@ -34,8 +30,21 @@ def sound_model(folder: Path, form: Form) -> Path:
     """Write a small model with rigs, and a database with priors of its photos."""
     project = block(READING, OBLIQUE[:3])
     strong = replace(project.cameras[0], parameters={**project.cameras[0].parameters, "k1": -0.01, "p1": 1e-4})
-    written(folder, new_model(replace(project, cameras=(strong,))), form)
-    (folder / f"rigs.{form}").write_bytes(_RIGS[form])
+    photos = tuple(replace(photo, camera=n % 2) for n, photo in enumerate(project.photos))
+    rig = ExchangedRig("R", (ExchangedMounting(0), ExchangedMounting(1, tuple(np.eye(3).ravel()), (1.0, 0.0, 0.0))))
+    written(
+        folder,
+        new_model(
+            replace(
+                project,
+                cameras=(strong, replace(strong, name="2")),
+                photos=photos,
+                rigs=(rig,),
+                exposures=(ExchangedExposure("E", (0, 1)),),
+            )
+        ),
+        form,
+    )
     cartesian = (1, blob(1.0, 2.0, 3.0), blob(*np.eye(3).ravel()), 1)
     database(folder / "database.db", [cartesian, (2, *cartesian[1:])], is_new=True)
     return folder
@@ -69,7 +78,7 @@ def test_a_wrong_count_takes_no_memory(tmp_path: Path) -> None:
     source = sound_model(tmp_path, "bin")
     size = sum(path.stat().st_size for path in source.iterdir())
     chance = random.Random(3)
-    for name in ("cameras.bin", "images.bin", "points3D.bin", "rigs.bin"):
+    for name in ("cameras.bin", "images.bin", "points3D.bin", "rigs.bin", "frames.bin"):
         path = source / name
         sound = path.read_bytes()
         for _ in range(5):

@@ -90,6 +90,11 @@ def test_what_is_wrong_is_said_in_one_sentence(text, message):
     assert len(faults) == (2 if "TWICE" in text else 1), faults
 
 
+def test_a_camera_on_no_rig_is_said_once():
+    _, (fault,) = read(RIG + EXPOSURES.replace('"1R"]', '"1D"]').replace('"2R"]', '"2D"]'))
+    assert "photo '1D' of exposure 'E1' is of camera 'DOWN', which is on no rig, as 1 other photo;" in fault
+
+
 def test_two_photos_of_a_camera_are_not_of_one_exposure():
     _, (fault,) = read(RIG + EXPOSURES.replace('"1R"]', '"2L"]'))
     assert "is of camera 'LEFT' as '1L' is; a camera has one photo in an exposure" in fault

@@ -58,11 +58,12 @@ class Recorded:
     """An operator, and what was set at the plate processor whenever he was asked for something."""
 
     def __init__(self, operator, line):
-        self.operator, self.line, self.seen = operator, line, []
+        self.operator, self.line, self.seen, self.prisms = operator, line, [], []
 
     def act(self, link, visit):
         state = self.line.station.state
         self.seen.append((visit.sought, state.locked, state.guide, state.plates, link.status().model))
+        self.prisms.append(state.prisms)
         return self.operator.act(link, visit)
 
 

@@ -294,6 +294,8 @@ def test_a_strip_beside_gets_its_points_in_two_steps(cliff):
     sought, locked, guide, plates, model = second
     assert ([mark.owner for mark in sought], locked, guide, model) == (["201"], "LOWER", "UPPER", "2-1")
     assert plates[1] == pytest.approx(at["202", "1102"], abs=1e-4)
+    # the side lap is seen in stereo with both prisms turned, the model as ever
+    assert cliff.operator.prisms == [(90, 90), (0, 0)]
 
 
 def test_again_goes_point_by_point(cliff):

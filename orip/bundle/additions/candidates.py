@@ -12,14 +12,13 @@ import numpy as np
 from msgspec import Struct
 
 from orip.arrays import FloatArray, IntArray
+from orip.bundle.additions.search import Candidate
+from orip.bundle.additions.visible_points import with_rays
 from orip.bundle.kinds.photo_point import POINT_PARTIALS, observe_photo_points
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.starting_state import starting_state
 from orip.bundle.unknowns import CONSTANT, number_unknowns
-from orip.geometry.rotation import angles_from_rotation
-from orip.planning.forecast import with_rays
-from orip.planning.placement import Candidate
-from orip.planning.plan import looking_along
+from orip.geometry.rotation import angles_from_rotation, looking_along
 from orip.records.block import Block
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.photo import Photo

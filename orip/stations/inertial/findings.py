@@ -1,0 +1,124 @@
+"""What a trajectory shows of its observations: fixes that do not fit, a wrong time, lever arm, axes or units."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from msgspec import Struct
+from scipy.stats import chi2
+
+from orip.arrays import FloatArray
+from orip.errors import ProjectWarning
+from orip.stations.gnss.calendar import moment
+from orip.stations.inertial.common_errors import common_errors, said_of_common_errors
+from orip.stations.inertial.filter import KNOWN_ATTITUDE, Filtered
+from orip.stations.inertial.mistaken_axes import mistaken
+from orip.stations.inertial.smoother import Solved, Trajectory
+
+_LEAST_CHANGE = 1.0
+"""m/s of horizontal velocity changes without which no course is found."""
+
+_LARGEST_FACTOR, _SUSPICIOUS_FACTOR = 100.0, 8.0
+_ERROR_PROBABILITY = 0.01
+"""That any fix of a flight is called wrong which is right."""
+
+_UPSIDE_DOWN = np.radians(60.0)
+_ONE_WAY = 0.9
+"""Length of the mean of unit vectors from which all point about the same way."""
+
+_FORWARD = np.radians(60.0)
+_MOST_NAMED = 3
+_SPOILED = 3
+"""Fixes after a wrong one."""
+
+
+class Named(Struct, frozen=True):
+    """Names of the files, and the time shift of the samples that was given."""
+
+    imu: str
+    positions: str
+    shift: float
+
+
+def innovation_statistic(filtered: Filtered) -> FloatArray:
+    """Return the squares (m,) of innovations in their own standard deviations: chi-squared with 3 degrees."""
+    solved = np.linalg.solve(filtered.innovation_covariance, filtered.innovation[:, :, None])[:, :, 0]
+    return np.asarray(np.sum(filtered.innovation * solved, axis=1))
+
+
+def findings(solved: Solved, filtered: Filtered, named: Named) -> Iterator[ProjectWarning]:
+    """Yield what is to be said."""
+    trajectory = solved.trajectory
+    if trajectory.alignment.change < _LEAST_CHANGE:
+        text = (
+            f"velocity changes by {trajectory.alignment.change:.1f} m/s only: the course follows from movement, and is "
+            "not known without; look at its standard deviation"
+        )
+        yield ProjectWarning("no-course", named.positions, text)
+    cause = mistaken(solved.graph.observed) if trajectory.factors.unit > _SUSPICIOUS_FACTOR else ""
+    if cause or trajectory.factors.unit > _LARGEST_FACTOR:
+        text = f"the unit is {trajectory.factors.unit:.0f} times less precise than --noise says: " + (
+            cause or "its axes (--mount), units, time (--shift) or lever arm are probably wrong"
+        )
+        yield ProjectWarning("unit-contradicts", named.imu, text)
+        return
+    for code, text in said_of_common_errors(
+        common_errors(solved), named.shift, solved.graph.observed.lever_arm.tolist()
+    ):
+        yield ProjectWarning(code, named.imu if code == "time-offset" else named.positions, text)
+    yield from _wrong_fixes(solved, filtered, named)
+    yield from _mounting(trajectory, named)
+
+
+def fix_statistics(solved: Solved, filtered: Filtered) -> FloatArray:
+    """Return the statistic (m,) of the fixes after the first; NaN where the attitude was not yet known."""
+    at = np.flatnonzero(solved.trajectory.fix[1:] >= 0) + 1
+    before = np.searchsorted(filtered.states.time, solved.trajectory.time[at]) - 1
+    attitude = np.trace(filtered.states.attitude_covariance[before], axis1=1, axis2=2)
+    return np.where(attitude < KNOWN_ATTITUDE**2, innovation_statistic(filtered), np.nan)
+
+
+def _wrong_fixes(solved: Solved, filtered: Filtered, named: Named) -> Iterator[ProjectWarning]:
+    statistic = fix_statistics(solved, filtered)
+    limit = chi2.isf(_ERROR_PROBABILITY / max(np.isfinite(statistic).sum(), 1), 3)
+    wrong = np.flatnonzero(statistic > limit)
+    if not len(wrong):
+        return
+    # what follows a wrong position does not fit what was made of it
+    begins = wrong[np.diff(wrong, prepend=-_SPOILED - 1) > _SPOILED]
+    worst = begins[np.argsort(-statistic[begins], kind="stable")][:_MOST_NAMED]
+    time = solved.graph.fixes.time[1:]
+    said = "; ".join(
+        f"{moment(time[row])} by {np.linalg.norm(filtered.innovation[row]):.2f} m where "
+        f"{np.sqrt(np.trace(filtered.innovation_covariance[row])):.2f} m is the standard deviation"
+        for row in sorted(worst)
+    )
+    more = f", and {len(begins) - len(worst)} more" if len(begins) > len(worst) else ""
+    text = (
+        f"positions do not fit what was observed before them: {said}{more}; are ambiguities wrong there? Leave "
+        "them out, or give them larger deviations"
+    )
+    yield ProjectWarning("wrong-positions", named.positions, text)
+
+
+def _mounting(trajectory: Trajectory, named: Named) -> Iterator[ProjectWarning]:
+    """Say where forward is not where the body goes, or down is above."""
+    down = float(np.median(trajectory.rotation[:, 2, 2]))
+    if down > -np.cos(_UPSIDE_DOWN):
+        angle = np.degrees(np.arccos(np.clip(-down, -1.0, 1.0)))
+        text = (
+            f"what --mount makes the body's down is {angle:.0f} degrees from the vertical in the median; is it right?"
+        )
+        yield ProjectWarning("mount", named.imu, text)
+        return
+    moves = np.linalg.norm(trajectory.velocity[:, :2], axis=1) > 1.0
+    if moves.sum() < 10:
+        return
+    velocity, forward = trajectory.velocity[moves], trajectory.rotation[moves, :, 0]
+    apart = np.arctan2(forward[:, 0], forward[:, 1]) - np.arctan2(velocity[:, 0], velocity[:, 1])
+    mean = np.exp(1j * apart).mean()
+    if abs(mean) > _ONE_WAY and abs(np.angle(mean)) > _FORWARD:
+        angle, side = abs(np.degrees(np.angle(mean))), "right" if np.angle(mean) > 0.0 else "left"
+        text = f"the body points {angle:.0f} degrees to the {side} of where it goes, all the time; is --mount right?"
+        yield ProjectWarning("mount", named.imu, text)

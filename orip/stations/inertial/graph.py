@@ -1,0 +1,191 @@
+"""The factors of inertial data and positions, for GTSAM: the beginning, preintegrated samples, fixes with a lever arm.
+
+Between two states the samples are preintegrated (Forster et al. 2017, On-manifold preintegration, IEEE Transactions on
+Robotics 33), with the rotation of the Earth and the gravity of the place; biases walk at random.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from msgspec import Struct
+
+from orip.arrays import FloatArray, IntArray
+from orip.errors import OripError
+from orip.stations.inertial.alignment import Alignment
+from orip.stations.inertial.samples import Fixes, Observed
+from orip.stations.inertial.standing import STANDING_DEVIATION, stands_at
+from orip.structs import replace
+
+_LEVEL_DEVIATION, _COURSE_DEVIATION = np.radians(20.0), np.radians(90.0)
+_SPEED_DEVIATION = 5.0
+_INTEGRATION = 1e-10
+"""m²/s² of the integration itself: far below what any unit has."""
+
+SIZES = {"x": 6, "v": 3, "b": 6}
+"""Unknowns of pose, velocity and biases of a state, in their order."""
+
+_SETTLED = 1.1
+
+
+class Factors(Struct, frozen=True):
+    """Of the standard deviations said, by which the observations ask for others: variance components.
+
+    Parameters
+    ----------
+    unit : float
+        Of the noise of the inertial unit.
+    position, velocity : float
+        Of those of the receiver.
+    """
+
+    unit: float = 1.0
+    position: float = 1.0
+    velocity: float = 1.0
+
+    def times(self, other: Factors) -> Factors:
+        """Return the products."""
+        return Factors(self.unit * other.unit, self.position * other.position, self.velocity * other.velocity)
+
+    @property
+    def are_settled(self) -> bool:
+        """Return whether none asks for a change that matters."""
+        return all(1.0 / _SETTLED < factor < _SETTLED for factor in (self.unit, self.position, self.velocity))
+
+
+def load_gtsam() -> Any:
+    """Return the library.
+
+    Raises
+    ------
+    OripError
+        If it is not installed.
+    """
+    try:
+        import gtsam
+    except ImportError as error:
+        message = (
+            "inertial data are smoothed by GTSAM, which is not installed: pip install 'orip[ins]'; where that has no "
+            "wheel for your platform, smooth them elsewhere and import the SBET (orip stations import)"
+        )
+        raise OripError(message) from error
+    return gtsam
+
+
+class Graph:
+    """The factors of states at given times.
+
+    Parameters
+    ----------
+    observed : Observed
+    times : array (k,)
+    fix : array (k,) of int
+        The fix of each state; -1: none.
+    factors : Factors
+    alignment : Alignment
+    """
+
+    def __init__(
+        self, observed: Observed, times: FloatArray, fix: IntArray, factors: Factors, alignment: Alignment
+    ) -> None:
+        self.gtsam = load_gtsam()
+        self.observed, self.times, self.fix, self.factors, self.alignment = observed, times, fix, factors, alignment
+        given = observed.fixes
+        self.fixes = replace(
+            given,
+            covariance=given.covariance * factors.position**2,
+            velocity_deviation=given.velocity_deviation * factors.velocity,
+        )
+        symbol = self.gtsam.symbol_shorthand
+        self.x, self.v, self.b = symbol.X, symbol.V, symbol.B
+        self._stands = stands_at(observed.imu, given, times)
+        self._swing = np.cross(observed.imu.mean_rates(given.time), observed.lever_arm)
+
+    def first_values(self) -> Any:
+        """Return values of the first state."""
+        gtsam, fixes, alignment = self.gtsam, self.fixes, self.alignment
+        place = fixes.place[0] - alignment.rotation @ self.observed.lever_arm
+        velocity = np.where(np.isfinite(fixes.velocity[0]), fixes.velocity[0], _first_velocity(fixes))
+        values = gtsam.Values()
+        values.insert(self.x(0), gtsam.Pose3(gtsam.Rot3(alignment.rotation), place))
+        values.insert(self.v(0), velocity)
+        values.insert(self.b(0), gtsam.imuBias.ConstantBias(np.zeros(3), alignment.gyro_bias))
+        return values
+
+    def first_factors(self) -> list[tuple[str, Any]]:
+        """Return what is known of the first state: nearly nothing but the size of biases.
+
+        The deviation about the vertical is larger than that of the level; the vertical is no axis of the body.
+        """
+        gtsam, model, noise, values = self.gtsam, self.gtsam.noiseModel, self.observed.noise, self.first_values()
+        vertical = self.alignment.rotation.T @ np.array([0.0, 0.0, 1.0])
+        covariance = np.diag([_LEVEL_DEVIATION**2] * 3 + [1e4] * 3)
+        covariance[:3, :3] += (_COURSE_DEVIATION**2 - _LEVEL_DEVIATION**2) * np.outer(vertical, vertical)
+        sigmas = np.repeat([noise.accelerometer_bias, noise.gyro_bias], 3)
+        pose, speed = model.Gaussian.Covariance(covariance), model.Isotropic.Sigma(3, _SPEED_DEVIATION)
+        zero = gtsam.imuBias.ConstantBias()
+        first = [
+            gtsam.PriorFactorPose3(self.x(0), values.atPose3(self.x(0)), pose),
+            gtsam.PriorFactorVector(self.v(0), values.atVector(self.v(0)), speed),
+            gtsam.PriorFactorConstantBias(self.b(0), zero, model.Diagonal.Sigmas(sigmas)),
+        ]
+        return [("first", factor) for factor in first] + self.fix_factors(0, self.alignment.rotation)
+
+    def preintegrated(self, at: int, place: FloatArray, bias: Any) -> Any:
+        """Return the samples from the state before to a state; `place` and `bias` are those before it."""
+        noise, gravity, scaled = self.observed.noise, self.observed.gravity, self.factors.unit**2 * np.eye(3)
+        parameters = self.gtsam.PreintegrationCombinedParams(gravity.at(place))
+        parameters.setGyroscopeCovariance(noise.gyro**2 * scaled)
+        parameters.setAccelerometerCovariance(noise.accelerometer**2 * scaled)
+        parameters.setBiasOmegaCovariance(noise.gyro_walk**2 * scaled)
+        parameters.setBiasAccCovariance(noise.accelerometer_walk**2 * scaled)
+        parameters.setIntegrationCovariance(_INTEGRATION * np.eye(3))
+        parameters.setOmegaCoriolis(gravity.earth_rate)
+        pim = self.gtsam.PreintegratedCombinedMeasurements(parameters, bias)
+        force, rate, duration = self.observed.imu.pieces(float(self.times[at - 1]), float(self.times[at]))
+        # GTSAM turns the force of a piece by the attitude at its beginning; it was observed half a piece later
+        force = force + np.cross(rate, force) * duration[:, None] / 2.0
+        for part in range(len(duration)):
+            pim.integrateMeasurement(force[part], rate[part], float(duration[part]))
+        return pim
+
+    def unit_factors(self, at: int, pim: Any) -> list[tuple[str, Any]]:
+        """Return what the samples say of a state and the one before it."""
+        x, v, b = self.x, self.v, self.b
+        return [("unit", self.gtsam.CombinedImuFactor(x(at - 1), v(at - 1), x(at), v(at), b(at - 1), b(at), pim))]
+
+    def fix_factors(self, at: int, rotation: FloatArray) -> list[tuple[str, Any]]:
+        """Return what the receiver says of a state, and that it stands.
+
+        The velocity of the antenna is taken to the unit with an attitude (3, 3): its error hardly matters there.
+        """
+        gtsam, fixes, row = self.gtsam, self.fixes, int(self.fix[at])
+        factors: list[tuple[str, Any]] = []
+        if self._stands[at]:
+            model = gtsam.noiseModel.Isotropic.Sigma(3, STANDING_DEVIATION)
+            factors.append(("standing", gtsam.PriorFactorVector(self.v(at), np.zeros(3), model)))
+        if row < 0:
+            return factors
+        model = gtsam.noiseModel.Gaussian.Covariance(fixes.covariance[row])
+        factors.append(("position", gtsam.GPSFactorArm(self.x(at), fixes.place[row], self.observed.lever_arm, model)))
+        if np.isfinite(fixes.velocity[row]).all() and np.isfinite(fixes.velocity_deviation[row]).all():
+            sigmas = gtsam.noiseModel.Diagonal.Sigmas(fixes.velocity_deviation[row])
+            velocity = fixes.velocity[row] - rotation @ self._swing[row]
+            factors.append(("velocity", gtsam.PriorFactorVector(self.v(at), velocity, sigmas)))
+        return factors
+
+    def all_factors(self, values: Any) -> list[tuple[str, Any]]:
+        """Return all factors by their groups, with the samples preintegrated by the biases of some values."""
+        factors = self.first_factors()
+        for at in range(1, len(self.times)):
+            place = values.atPose3(self.x(at - 1)).translation()
+            pim = self.preintegrated(at, place, values.atConstantBias(self.b(at - 1)))
+            rotation = values.atPose3(self.x(at)).rotation().matrix()
+            factors += [*self.unit_factors(at, pim), *self.fix_factors(at, rotation)]
+        return factors
+
+
+def _first_velocity(fixes: Fixes) -> FloatArray:
+    velocity: FloatArray = (fixes.place[1] - fixes.place[0]) / (fixes.time[1] - fixes.time[0])
+    return velocity
