@@ -14,6 +14,8 @@ _SHORT, _LONG = (1e4, 1e6), (1e6, 6e6)
 _ZONE, _MIDDLE = 1e6, 5e5
 """Metres: what a zone of Gauss-Krüger adds to the easting, and the easting of any central meridian."""
 
+_UTM_ZONES = 60
+
 _NEXT = (1, -1, 2, -2)
 """Zones of UTM that an area is given in by mistake, from its own."""
 
@@ -65,8 +67,10 @@ def _in_utm(xy: FloatArray, zone: int) -> Iterator[tuple[FloatArray, str, str]]:
     for width in (3, 6):
         source = _gauss_krueger(zone, width)
         longitude = float(_transformed(xy[:1], source, "+proj=longlat +ellps=GRS80")[0, 0])
-        natural = int((longitude + 180.0) // 6.0) + 1 if np.isfinite(longitude) else 1
-        for utm in (natural, natural - 1, natural + 1):
+        if not np.isfinite(longitude):
+            continue
+        natural = int((longitude + 180.0) // 6.0)
+        for utm in ((natural + step) % _UTM_ZONES + 1 for step in (0, -1, 1)):
             target = f"+proj=utm +zone={utm} +ellps=GRS80"
             yield (
                 _transformed(xy, source, target),

@@ -84,7 +84,8 @@ def contradicting_ground_systems(control: Control, given: FloatArray) -> list[Pr
         _exchanged(points, places, other, file),
         _grids(points, places, other),
     )
-    apart, text = min(((_apart(read, photos), text) for read, photos, text in readings), key=lambda found: found[0])
+    tried = ((_apart(read, photos), text) for read, photos, text in readings if np.isfinite(read).all())
+    apart, text = min(tried, key=lambda found: found[0] if np.isfinite(found[0]) else np.inf)
     return [ProjectWarning(GROUND_SYSTEM, where, text)] if apart < _NEAR else []
 
 
