@@ -14,6 +14,7 @@ from msgspec import Struct
 from orip.bundle.antennas import NONE, antenna_of, is_shifted
 from orip.bundle.assemble import BlockInput, gather
 from orip.bundle.local_frame import ground_system
+from orip.errors import ProjectWarning
 from orip.records.block import Block
 from orip.records.control import Control, ControlDistance, ControlElement, ControlPoint, Station
 from orip.records.ground import GroundSystem
@@ -22,6 +23,7 @@ from orip.records.names import record_key
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.rig import Rigs
 from orip.structs import replace
+from orip.wording import counted_names
 
 Pair = tuple[float, float]
 
@@ -355,3 +357,30 @@ class Measurements:
         )
         block = gather(inputs, self._ground)
         return replace(block, cameras=tuple(replace(camera, additional_set=None) for camera in block.cameras))
+
+
+def places_of(observations: PhotoObservations) -> dict[tuple[str, str], tuple[tuple[float, float], bool]]:
+    """Return by photo and point what is measured, and whether it is disregarded."""
+    measured, disregarded = observations.measured.tolist(), observations.disregarded.tolist()
+    rows = zip(observations.photos, observations.points, measured, disregarded, strict=True)
+    return {(photo, point): ((x, y), is_disregarded) for photo, point, (x, y), is_disregarded in rows}
+
+
+def left_to_the_adjustment(rigs: Rigs, control: Control) -> tuple[ProjectWarning, ...]:
+    """Return what a session does not know of rigs and control: photos and points are tested one by one."""
+    found = []
+    if rigs.exposures:
+        text = (
+            "a session tests the photos of an exposure one by one, without the mountings of their cameras: it finds "
+            "less, and tells larger standard deviations than 'orip solve', which adjusts them as rigs"
+        )
+        names = counted_names("rig", [rig.name for rig in rigs.rigs])
+        found.append(ProjectWarning("rigs-while-measuring", names, text))
+    if control.correlations:
+        text = (
+            "a session takes each control point with its own covariances alone; 'orip solve' takes those between "
+            "points, too"
+        )
+        names = counted_names("point", sorted({pair.first for pair in control.correlations}))
+        found.append(ProjectWarning("covariances-while-measuring", names, text))
+    return tuple(found)

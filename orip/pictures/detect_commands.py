@@ -26,7 +26,7 @@ Images = Annotated[
     typer.Argument(metavar="[IMAGES]...", help="Files named as their photos, or folders; else those of 'image'."),
 ]
 
-Kind = Literal["charuco", "chess", "circles", "tags"]
+Kind = Literal["charuco", "chess", "circles", "tags", "rings"]
 Control = Literal["points", "distances", "none"]
 
 
@@ -53,17 +53,21 @@ class BoardOptions(NamedTuple):
         str, typer.Option("--kind", metavar="KIND", help=f"What is on the board: {', '.join(get_args(Kind))}.")
     ] = "charuco"
     size: Annotated[
-        str, typer.Option("--size", metavar="COLUMNSxROWS", help="Squares, circles or tags of the board.")
+        str, typer.Option("--size", metavar="COLUMNSxROWS", help="Squares, circles, tags or coded dots.")
     ] = "9x6"
     square: Annotated[
         float, typer.Option("--square", metavar="MM", help="Side of a square; from tag to tag; from row to row.")
     ] = 30.0
     tag: Annotated[
-        float | None, typer.Option("--tag", metavar="MM", help="Side of a tag, diameter of a circle; else 0.7 squares.")
+        float | None,
+        typer.Option("--tag", metavar="MM", help="Side of a tag, diameter of a circle or ring; else 0.7 squares."),
     ] = None
     dictionary: Annotated[
-        str, typer.Option("--dictionary", metavar="NAME", help="Of the tags, as OpenCV calls it.")
-    ] = "5X5_100"
+        str | None,
+        typer.Option(
+            "--dictionary", metavar="NAME", help="Of the tags, as OpenCV calls it; of rings RINGS_16, RINGS_20."
+        ),
+    ] = None
     first_tag: Annotated[
         int, typer.Option("--first-tag", metavar="NUMBER", help="Number of the first tag of the board.")
     ] = 0
@@ -103,9 +107,9 @@ def _register_board(group: typer.Typer) -> None:
     def board_command(
         invocation: Invocation, board: BoardOptions, scale: ScaleOptions, marks: MarkOptions, images: Images = None
     ) -> None:
-        """Find a printed board: chequers with or without tags, rows of tags, rows of circles; or print one.
+        """Find a printed board: chequers with or without tags, rows of tags, circles or coded dots; or print one.
 
-        Points are called by row and column (R2C5), corners of tags by tag (TAG7-1).
+        Points are called by row and column (R2C5), corners of tags by tag (TAG7-1), coded dots by code (CODE7).
 
         Example: orip detect board PICTURES --kind charuco --size 9x6 --square 30 --tag 21
         """
@@ -114,7 +118,7 @@ def _register_board(group: typer.Typer) -> None:
             _print_board(invocation, described, scale.print_to, force=scale.force)
             return
         from orip.pictures.detection import control_of_board
-        from orip.pictures.targets.boards import find_board
+        from orip.pictures.targets.found_boards import find_board
         from orip.pictures.targets.printing import describe_board
 
         control = _one_of("--control", scale.control, get_args(Control))
@@ -136,17 +140,20 @@ def _register_tags(group: typer.Typer) -> None:
         marks: MarkOptions,
         images: Images = None,
         dictionary: Annotated[
-            str, typer.Option("--dictionary", metavar="NAME", help="Of the tags, as OpenCV calls it.")
+            str,
+            typer.Option("--dictionary", metavar="NAME", help="As OpenCV calls it; of coded dots RINGS_16, RINGS_20."),
         ] = "APRILTAG_36H11",
         prefix: Annotated[str, typer.Option("--prefix", metavar="TEXT", help="Of the names of points.")] = "",
     ) -> None:
-        """Find all tags of a dictionary, wherever they are; their corners are TAG7-1 to TAG7-4.
+        """Find all tags of a dictionary, wherever they are: corners TAG7-1 to TAG7-4; coded dots of rings CODE7.
 
         Example: orip detect tags PICTURES --dictionary APRILTAG_36H11
         """
-        from orip.pictures.targets.boards import dictionaries, find_tags
+        from orip.pictures.targets.boards import dictionaries
+        from orip.pictures.targets.coded_dots import FAMILIES
+        from orip.pictures.targets.found_boards import find_tags
 
-        name = _one_of("--dictionary", dictionary.upper(), dictionaries())
+        name = _one_of("--dictionary", dictionary.upper(), (*dictionaries(), *FAMILIES))
         find = partial(find_tags, dictionary=name, prefix=prefix)
         _detect(invocation, f"tags {name}", find, images, marks)
 
@@ -188,11 +195,12 @@ def _board(options: BoardOptions) -> Board:
     if not (x and columns.isdecimal() and rows.isdecimal() and len(options.size) < 10):
         message = f"--size {options.size}: write columns and rows such as 9x6"
         raise UsageError(message)
-    has_tags = kind in {"charuco", "tags"}
+    has_tags = kind in {"charuco", "tags", "rings"}
+    usual = "RINGS_16" if kind == "rings" else "5X5_100"
     tag = 0.0 if kind == "chess" else 0.7 * options.square if options.tag is None else options.tag
     board = Board(
         cast("Kind", kind), int(columns), int(rows), options.square, tag,
-        options.dictionary.upper() if has_tags else "", options.first_tag if has_tags else 0, options.prefix,
+        (options.dictionary or usual).upper() if has_tags else "", options.first_tag if has_tags else 0, options.prefix,
     )  # fmt: skip
     check_board(board)
     return board

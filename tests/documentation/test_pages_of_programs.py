@@ -67,7 +67,7 @@ ROWS: dict[str, dict[str, str]] = {
         "5.2.4 Decorrelation of correlated observations":
             "bundle/kinds/test_correlated_control.py::test_the_solution_is_that_of_generalised_least_squares",
         "6.1 Terrestrial angles": f"{_FORMS}::test_rotations_by_other_angles_are_the_same_rotations",
-        "6.1 Angles in degrees, gon, radians": f"{_FORMS}::test_units_change_values_and_deviations_alike",
+        "6.1 Angles in degrees, gon, radians": "workflow/test_angle_units.py::test_results_are_those_of_degrees",
         "6.1.3 Zurich City Hall": "samples/test_zurich.py::test_photos",
     },
 }  # fmt: skip

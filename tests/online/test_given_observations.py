@@ -93,6 +93,7 @@ def test_covariances_between_points_are_left_to_the_adjustment(tmp_path: Path) -
         figures[name] = adjusted(made)
     asked = Asked(tmp_path / "both")
     agree(asked.figures(), figures["own"])
+    assert [one.where for one in asked.session.warnings if one.code == "covariances-while-measuring"] == ["point 1"]
     assert figures["own"] != figures["both"]
     assert asked(do="solve")["status"] == "converged"
     points = json.loads((tmp_path / "both" / "result.json").read_text(encoding="utf-8"))["points"]

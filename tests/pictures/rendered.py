@@ -58,6 +58,8 @@ def looking_at(board: Board, angles: Sequence[float], distance: float) -> Statio
 
 def drawing(shapes: Iterable[Shape], size: tuple[float, float], margin: float) -> Any:
     """Return samples of a drawing with a light margin, rows upwards, 0 dark and 1 light."""
+    import cv2
+
     columns, rows = (round((side + 2 * margin) * PER_MM) for side in size)
     field = np.ones((rows, columns), dtype=np.float32)
     middle_x = (np.arange(columns) + 0.5) / PER_MM - margin
@@ -66,7 +68,10 @@ def drawing(shapes: Iterable[Shape], size: tuple[float, float], margin: float) -
         i = slice(*np.searchsorted(middle_x, (shape.x, shape.x + shape.width)))
         j = slice(*np.searchsorted(middle_y, (shape.y, shape.y + shape.height)))
         value = 0.0 if shape.is_dark else 1.0
-        if shape.is_round:
+        if shape.corners:
+            corners = np.rint(((np.array(shape.corners) + margin) * PER_MM - 0.5) * 16.0).astype(np.int32)
+            cv2.fillPoly(field, [corners], value, shift=4)
+        elif shape.is_round:
             r = 0.5 * shape.width
             inside = np.hypot(middle_x[i] - shape.x - r, (middle_y[j] - shape.y - r)[:, None]) < r
             field[j, i] = np.where(inside, value, field[j, i])

@@ -7,7 +7,8 @@ import numpy as np
 from pictures.rendered import Camera, looking_at, photograph_of
 
 import orip
-from orip.pictures.targets.boards import Board, board_points, find_board
+from orip.pictures.targets.boards import Board, board_points
+from orip.pictures.targets.found_boards import find_board
 from orip.records.observation_kinds import PHOTO_POINT
 
 BOARD = Board("charuco", 9, 6, 24.0, 18.0, "5X5_100")

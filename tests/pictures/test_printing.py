@@ -8,7 +8,8 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from orip.pictures.targets.boards import Board, board_points, find_board
+from orip.pictures.targets.boards import Board, board_points
+from orip.pictures.targets.found_boards import find_board
 from orip.pictures.targets.printing import pdf_bytes, svg_text
 
 BOARDS = (

@@ -10,7 +10,8 @@ from pictures.rendered import Camera, looking_at, photograph_of
 
 from orip.arrays import FloatArray
 from orip.errors import OripError
-from orip.pictures.targets.boards import Board, board_points, check_board, find_board, find_tags
+from orip.pictures.targets.boards import Board, board_points, check_board
+from orip.pictures.targets.found_boards import find_board, find_tags
 from orip.pictures.targets.marks import FoundTargets
 
 CAMERA = Camera()

@@ -69,12 +69,14 @@ class FoundDots(Struct, frozen=True):
     rejected: tuple[Rejected, ...]
 
 
-def find_dots(grey: Any) -> FoundDots:
+def find_dots(grey: Any, reach: float = np.inf) -> FoundDots:
     """Find and measure the dark dots of a picture.
 
     Parameters
     ----------
     grey : array (rows, columns) of uint8 or uint16
+    reach : float
+        In radii of a dot: what is farther away from it is something else.
 
     Notes
     -----
@@ -86,7 +88,7 @@ def find_dots(grey: Any) -> FoundDots:
     rejected: list[Rejected] = []
     for outline in _outlines(picture):
         start = _ellipse_of(outline, picture.shape)
-        found = start if isinstance(start, Rejected) else measure_dot(picture, *start)
+        found = start if isinstance(start, Rejected) else measure_dot(picture, *start, reach)
         if isinstance(found, Rejected):
             rejected.append(found)
         else:
@@ -147,7 +149,7 @@ def _ellipse_of(outline: FloatArray, extent: tuple[int, int]) -> tuple[FloatArra
     return centre, shape
 
 
-def measure_dot(picture: Any, centre: FloatArray, shape: FloatArray) -> Dot | Rejected:
+def measure_dot(picture: Any, centre: FloatArray, shape: FloatArray, reach: float = np.inf) -> Dot | Rejected:
     """Measure a dot by least squares on its grey values.
 
     The model is an ellipse of one grey value on a ground with a plane of grey values, with an edge blurred by a normal
@@ -162,8 +164,10 @@ def measure_dot(picture: Any, centre: FloatArray, shape: FloatArray) -> Dot | Re
         Approximate, indices of pixels (column, row).
     shape : array (2, 2)
         Upper triangular, approximate.
+    reach : float
+        In radii of the dot: what is farther away is something else.
     """
-    fitted = _fit(picture, centre, shape)
+    fitted = _fit(picture, centre, shape, reach)
     if isinstance(fitted, str):
         return Rejected(float(centre[0]) + 0.5, float(centre[1]) + 0.5, fitted)
     unknowns, deviations = fitted
@@ -190,7 +194,7 @@ def _fault(dot: Dot, start: FloatArray) -> str | None:
     return "its grey values are not those of a dot" if max(dot.deviation) > 0.01 * dot.radius + 0.05 else None
 
 
-def _fit(picture: Any, centre: FloatArray, shape: FloatArray) -> tuple[FloatArray, FloatArray] | str:
+def _fit(picture: Any, centre: FloatArray, shape: FloatArray, reach: float) -> tuple[FloatArray, FloatArray] | str:
     half = np.sqrt(np.diag(np.linalg.inv(shape.T @ shape))) * _MARGIN + 4.0
     low = np.maximum(np.floor(centre - half).astype(int), 0)
     high = np.minimum(np.ceil(centre + half).astype(int) + 1, picture.shape[::-1])
@@ -199,7 +203,7 @@ def _fit(picture: Any, centre: FloatArray, shape: FloatArray) -> tuple[FloatArra
     at = np.stack([columns.ravel(), rows.ravel()], axis=1).astype(float)
     distance = np.linalg.norm((at - centre) @ shape.T, axis=1)
     blurred = 4.0 * np.sqrt(abs(np.linalg.det(shape)))
-    near = distance < _MARGIN + blurred
+    near = distance < min(_MARGIN + blurred, reach)
     at, values = at[near], window.ravel()[near]
     distance = distance[near]
     if not (distance < 0.7).any() or not (distance > 1.2).any():

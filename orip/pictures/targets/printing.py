@@ -5,20 +5,25 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import pairwise
 
+import numpy as np
 from msgspec import Struct
 
-from orip.pictures.targets.boards import Board, board_points, tag_bits, tag_corners
+from orip.pictures.targets.boards import Board, board_points, dot_radius, tag_bits, tag_corners
+from orip.pictures.targets.coded_dots import INNER, OUTER, dark_runs
 
 _MARGIN = 12.0
 _RULER = 100.0
 _FOOT = 14.0
 _POINTS_PER_MM = 72.0 / 25.4
+_CHORD = 0.01
+"""Radians of an arc that are drawn straight: 1.3e-5 of the radius off."""
+
 _CIRCLE = 0.5522847498
 """Handles of four Bézier curves of a circle of radius 1: within 2.7e-4 of it."""
 
 
 class Shape(Struct, frozen=True):
-    """A rectangle, or a circle in it; millimetres, y up; dark or light.
+    """A rectangle, or a circle or a polygon in it; millimetres, y up; dark or light.
 
     Parameters
     ----------
@@ -26,6 +31,8 @@ class Shape(Struct, frozen=True):
         Lower left corner and size.
     is_round : bool
     is_dark : bool
+    corners : tuple of (x, y)
+        Of a polygon.
     """
 
     x: float
@@ -34,6 +41,7 @@ class Shape(Struct, frozen=True):
     height: float
     is_round: bool = False
     is_dark: bool = True
+    corners: tuple[tuple[float, float], ...] = ()
 
 
 def board_size(board: Board) -> tuple[float, float]:
@@ -45,10 +53,12 @@ def board_size(board: Board) -> tuple[float, float]:
 
 def board_shapes(board: Board) -> Iterator[Shape]:
     """Yield what is printed of a board, in the order of printing, in its coordinates."""
-    if board.kind == "circles":
-        radius = 0.5 * board.tag
-        for x, y in board_points(board).values():
-            yield Shape(x - radius, y - radius, board.tag, board.tag, is_round=True)
+    if board.kind in {"circles", "rings"}:
+        radius = dot_radius(board)
+        for number, (x, y) in enumerate(board_points(board).values(), start=board.first_tag):
+            yield Shape(x - radius, y - radius, 2.0 * radius, 2.0 * radius, is_round=True)
+            if board.kind == "rings":
+                yield from _ring(board, number, x, y)
         return
     if board.kind != "tags":
         for row in range(board.rows):
@@ -57,6 +67,16 @@ def board_shapes(board: Board) -> Iterator[Shape]:
     if board.kind != "chess":
         for number, corners in tag_corners(board).items():
             yield from _tag(board, number, corners[0])
+
+
+def _ring(board: Board, number: int, x: float, y: float) -> Iterator[Shape]:
+    """Yield the dark parts of a ring: its first field begins at the right, and the next ones follow clockwise."""
+    radius, half = dot_radius(board), 0.5 * board.tag
+    for begin, end in dark_runs(board.dictionary.upper(), number):
+        steps = np.linspace(-begin, -end, max(int((end - begin) / _CHORD), 2))
+        along = np.column_stack([np.cos(steps), np.sin(steps)])
+        corners = np.array([x, y]) + radius * np.vstack([OUTER * along, INNER * along[::-1]])
+        yield Shape(x - half, y - half, board.tag, board.tag, corners=tuple(map(tuple, corners.tolist())))
 
 
 def _tag(board: Board, number: int, upper_left: tuple[float, float]) -> Iterator[Shape]:
@@ -99,7 +119,10 @@ def svg_text(board: Board) -> str:
     for shape in board_shapes(board):
         fill = "black" if shape.is_dark else "white"
         x, y = left + shape.x, height - bottom - shape.y - shape.height
-        if shape.is_round:
+        if shape.corners:
+            corners = " ".join(f"{left + a:.4f},{height - bottom - b:.4f}" for a, b in shape.corners)
+            lines.append(f'<polygon points="{corners}" fill="{fill}"/>')
+        elif shape.is_round:
             radius = 0.5 * shape.width
             lines.append(f'<circle cx="{x + radius:.4f}" cy="{y + radius:.4f}" r="{radius:.4f}" fill="{fill}"/>')
         else:
@@ -138,6 +161,9 @@ def pdf_bytes(board: Board) -> bytes:
 
 def _pdf_shape(shape: Shape, left: float, bottom: float) -> str:
     x, y = left + shape.x, bottom + shape.y
+    if shape.corners:
+        corners = [f"{left + a:.4f} {bottom + b:.4f}" for a, b in shape.corners]
+        return f"{corners[0]} m " + " ".join(f"{corner} l" for corner in corners[1:]) + " h f"
     if not shape.is_round:
         return f"{x:.4f} {y:.4f} {shape.width:.4f} {shape.height:.4f} re f"
     r = 0.5 * shape.width

@@ -6,10 +6,12 @@ import numpy as np
 from aerial_blocks import aerial_block
 
 from orip.bundle.solve import SolvedBlock
+from orip.bundle.terrain import with_terrain_heights
 from orip.bundle.unknowns import CONSTANT
 from orip.records.block import Block
 from orip.records.control import ControlDistance, Station
 from orip.records.definition import Antenna
+from orip.records.ground import HeightGrid, Terrain, TerrainModel
 from orip.structs import replace
 
 _POINTS_A_PHOTO = 40
@@ -41,6 +43,17 @@ def with_stations(photos: int) -> Block:
     )  # fmt: skip
     antenna = Antenna("GNSS", unknown=("LX", "LY", "LZ"), shift="strip")
     return replace(block, stations=stations, antennas=(antenna,))
+
+
+def with_terrain(photos: int) -> Block:
+    """Return a block whose points lie on a terrain model that is rough by some units, observed with that error."""
+    block = calibrated(photos)
+    low, high = block.point_start.min(axis=0) - 500.0, block.point_start.max(axis=0) + 500.0
+    size = float((high - low)[:2].max()) / 40.0
+    heights = float(np.median(block.point_start[:, 2])) + 5.0 * np.random.default_rng(photos).normal(size=(42, 42))
+    grid = HeightGrid(heights, (1.0 / size, 0.0, -low[0] / size + 1.0, 0.0, -1.0 / size, high[1] / size + 1.0))
+    error = 2.0 * float(np.std(block.point_start[:, 2])) + 5.0
+    return with_terrain_heights(replace(block, terrains=(TerrainModel(Terrain("DTM", "dtm.tif", error), grid),)))[0]
 
 
 def with_distances(photos: int) -> Block:

@@ -13,6 +13,7 @@ from bundle.blocking.divided_blocks import (
     with_blunders,
     with_distances,
     with_stations,
+    with_terrain,
 )
 from rolling.rolling_flights import flown
 from support.rig_blocks import rig_block
@@ -29,7 +30,7 @@ from orip.bundle.starting_state import starting_state
 from orip.errors import NotSolvableError
 from orip.structs import replace
 
-MADE = (calibrated, free, with_stations, with_distances, with_blunders, undetermined)
+MADE = (calibrated, free, with_stations, with_distances, with_terrain, with_blunders, undetermined)
 LEAST_PHOTOS, LARGEST_PART = 50, 10
 FEW_PHOTOS = 24  # where a block is adjusted again and again
 MAX_LOST = 12.0
