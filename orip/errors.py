@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from typing import ClassVar
@@ -22,6 +23,12 @@ _MOST_OF_A_KIND, _FIRST_OF_MANY = 8, 3
 
 _FEWEST_TOGETHER = 5
 """Complaints about a file that say the same are told as one from this number on."""
+
+_FEWEST_ALIKE = 6
+"""The same of those that differ by what they quote."""
+
+_PARTICULARS = re.compile(r"'[^']*'|\S*\d\S*")
+"""What a message quotes, and words with digits."""
 
 MOST_COMPLAINTS = 50
 """Of a file, that are told: a text with another form has a fault in each of a million lines."""
@@ -207,18 +214,30 @@ class NoProjectError(InputError):
 
 
 def _equal_ones_once(complaints: Sequence[Complaint]) -> Iterator[Complaint]:
-    """Yield complaints; those that say the same of a file as one, with their number and the first places."""
+    """Yield complaints; those that say the same of a file as one, with their number and the first places.
+
+    Of many that differ by numbers and quoted texts alone, as by the values in a column, the cause is one.
+    """
+    alike = Counter((complaint.path, _form(complaint)) for complaint in complaints)
     groups: dict[tuple[str, str], list[Complaint]] = {}
     for complaint in complaints:
-        groups.setdefault((complaint.path, complaint.message), []).append(complaint)
+        form = complaint.path, _form(complaint)
+        same = form if alike[form] >= _FEWEST_ALIKE else (complaint.path, complaint.message)
+        groups.setdefault(same, []).append(complaint)
     for first, *others in groups.values():
         if len(others) + 1 < _FEWEST_TOGETHER:
             yield from (first, *others)
             continue
-        lines = [str(one.line) for one in others[:_FIRST_OF_MANY] if one.line is not None]
-        places = f", then in line {', '.join(lines)}{' ...' if len(others) > len(lines) else ''}" if lines else ""
+        lines = list(dict.fromkeys(str(one.line) for one in others if one.line not in (None, first.line)))
+        rest = " ..." if len(lines) > _FIRST_OF_MANY else ""
+        places = f", then in line {', '.join(lines[:_FIRST_OF_MANY])}{rest}" if lines else ""
         message = f"{first.message} ({len(others) + 1} times{places})"
         yield Complaint(message, first.path, first.line, first.column)
+
+
+def _form(complaint: Complaint) -> str:
+    """Return a message without what it quotes, and without words that have digits."""
+    return _PARTICULARS.sub("", complaint.message) if complaint.line is not None else complaint.message
 
 
 def _first_of_each_file(complaints: Sequence[Complaint]) -> Iterator[Complaint]:

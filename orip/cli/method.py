@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -197,6 +198,8 @@ def tell_solution(terminal: Terminal, solved: Committed[SolveOutcome]) -> None:
             terminal.result(line.label, line.text, _VERDICT_STYLES[line.level or "good"])
         else:
             terminal.result(line.label, line.text, style)
+    if outcome.worst:
+        terminal.result("look", f"orip screen --at {shlex.quote(outcome.worst)} shows the worst misfit in its picture")
     terminal.warn(warning for warning in warnings if warning.code in REMINDERS)
     same = "" if solved.changed else "; unchanged: the store holds this solution already"
     terminal.result("wrote", f"{', '.join(project.shown(path) for path in files)}{same}")

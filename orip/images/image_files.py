@@ -62,6 +62,8 @@ _LUMA = np.array([0.299, 0.587, 0.114])
 
 _WHITE_IS_ZERO, _OLD_JPEG = 0, 6
 
+_ROWS_AT_ONCE = 256
+
 
 def read_grey(path: Path, region: Region | None = None, reduction: int = 1, shown: str = "") -> Grey:
     """Read the grey values of an image file.
@@ -150,8 +152,19 @@ def read_colours(path: Path, reduction: int = 1, shown: str = "") -> NDArray[np.
     with _reading(path, shown or str(path)) as file, _pillow(file, header) as image:
         image.draft("RGB", (header.columns // reduction, header.rows // reduction))
         left = reduction // -(-header.columns // image.size[0])
-        colours = image.convert("RGB")
-        return np.ascontiguousarray(np.asarray(colours if left == 1 else colours.reduce(left)))
+        # of what is in these colours already it would be a copy
+        colours = image if image.mode == "RGB" else image.convert("RGB")
+        return _array_of(colours if left == 1 else colours.reduce(left))
+
+
+def _array_of(picture: Any) -> NDArray[np.uint8]:
+    """Return the colours of a picture of Pillow, some rows at a time: all at once would be in memory twice more."""
+    columns, rows = picture.size
+    found = np.empty((rows, columns, 3), dtype=np.uint8)
+    for top in range(0, rows, _ROWS_AT_ONCE):
+        last = min(top + _ROWS_AT_ONCE, rows)
+        found[top:last] = np.asarray(picture.crop((0, top, columns, last)))
+    return found
 
 
 @contextmanager

@@ -5,7 +5,8 @@ from __future__ import annotations
 import hashlib
 import threading
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -85,9 +86,9 @@ class TileStore:
         file = f"{self._key(image)}-{name.level}-{name.column}-{name.row}.jpg"
         if (kept := self._folder.read(file)) is not None:
             return kept
-        level = self.level(image, name.level)
         rows, columns = (slice(at * TILE, (at + 1) * TILE) for at in (name.row, name.column))
-        part = level[rows, columns] if min(name.row, name.column) >= 0 else level[:0]
+        with self.level(image, name.level) as level:
+            part = (level[rows, columns] if min(name.row, name.column) >= 0 else level[:0]).copy()
         if not part.size:
             message = f"the image has no tile {name.column}, {name.row} in level {name.level}"
             raise InputError.single(message, image.shown)
@@ -96,11 +97,17 @@ class TileStore:
             self._folder.write(file, data)
         return data
 
-    def level(self, image: StoredImage, level: int, *, is_grey: bool = False) -> NDArray[np.uint8]:
-        """Return an image reduced by 2^level, (rows, columns) of grey values or with three colours."""
+    @contextmanager
+    def level(self, image: StoredImage, level: int, *, is_grey: bool = False) -> Iterator[NDArray[np.uint8]]:
+        """Give an image reduced by 2^level, (rows, columns) of grey values or in three colours; others wait meanwhile.
+
+        It is not to be kept: as many as there are requests would be in memory at once.
+        """
         key = f"{self._key(image)} {level}{' grey' * is_grey}"
+        columns, rows = image.size
         with self._lock:
-            return self._kept(key, lambda: _read_level(image.path, level, image.shown, is_grey=is_grey))
+            size = columns * rows * (1 if is_grey else 3) >> 2 * level
+            yield self._kept(key, size, lambda: _read_level(image.path, level, image.shown, is_grey=is_grey))
 
     def grey(self, image: StoredImage, rows: slice, columns: slice) -> NDArray[np.uint8]:
         """Return the grey values of a part of an image, of 8 bits; the whole is decoded once, and then kept.
@@ -121,18 +128,17 @@ class TileStore:
             if whole is None:
                 whole = read_eight_bits(image.path, image.shown)
                 if not self._folder.write(file, whole.tobytes()):
-                    self._kept(memory, lambda: whole)
+                    self._kept(memory, whole.nbytes, lambda: whole)
             return whole[rows, columns].copy()
 
-    def _kept(self, key: str, read: Callable[[], NDArray[np.uint8]]) -> NDArray[np.uint8]:
-        if key in self._decoded:
-            self._decoded.move_to_end(key)
-            return self._decoded[key]
-        found = read()
-        self._decoded[key] = found
-        while len(self._decoded) > 1 and sum(one.nbytes for one in self._decoded.values()) > KEPT_BYTES:
-            self._decoded.popitem(last=False)
-        return found
+    def _kept(self, key: str, size: int, read: Callable[[], NDArray[np.uint8]]) -> NDArray[np.uint8]:
+        if key not in self._decoded:
+            # room is made first: decoding takes as much once more
+            while self._decoded and size + sum(one.nbytes for one in self._decoded.values()) > KEPT_BYTES:
+                self._decoded.popitem(last=False)
+            self._decoded[key] = read()
+        self._decoded.move_to_end(key)
+        return self._decoded[key]
 
     def require_as_found(self, image: StoredImage) -> None:
         """Refuse an image that cannot be read, or has another size meanwhile."""

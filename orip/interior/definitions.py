@@ -10,10 +10,9 @@ from msgspec import Struct, field
 from orip.errors import OrientationError
 from orip.records.camera import Camera
 from orip.records.definition import BundleDefinition
-from orip.records.names import record_key
+from orip.records.names import near_names, record_key
 from orip.records.photo import Photo, Template, Temtick
 from orip.structs import replace
-from orip.wording import listed_names
 
 Referred = TypeVar("Referred", Camera, Template, Temtick)
 
@@ -100,10 +99,8 @@ class Definitions(Struct, frozen=True):
 
 def unknown_record(what: str, name: str, known: Iterable[str]) -> str:
     """Say that a record is not defined, and which are."""
-    return (
-        f"{what} {name} is not defined; known are: {listed_names(known)}; correct the name, or define it in orip.toml "
-        "and run 'orip init'"
-    )
+    correct = "correct the name, or define it in orip.toml and run 'orip init'"
+    return f"{what} {name} is not defined; {near_names(name, known)} ({correct})"
 
 
 def _referred_to(records: Mapping[str, Referred], kind: str, name: str, by: str) -> Referred:

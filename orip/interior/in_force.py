@@ -116,7 +116,11 @@ def _warnings(adjustment: MarkAdjustment) -> list[ProjectWarning]:
     where = f"{summary.group[:-1]} {summary.name}"
     found = []
     if adjustment.mirrored:
-        text = "is a mirror image: the film or scan lies upside down, or its row axis is not declared by 'scan'"
+        record = "camera" if summary.group == "photos" else "temtick"
+        text = (
+            "is a mirror image: the film or scan lies upside down, or its row axis is not declared by 'scan', or its "
+            f"marks have the wrong sign of x or of y in the [[{record}]] of orip.toml"
+        )
         found.append(ProjectWarning("mirrored", where, text))
     if summary.redundancy == 0:
         text = "has no redundancy: a wrong mark would not be noticed; measure one more"

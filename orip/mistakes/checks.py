@@ -11,9 +11,10 @@ from orip.interior.definitions import Definitions
 from orip.interior.in_force import Interior
 from orip.interior.mounting import frame_corners
 from orip.mistakes.camera_values import is_possible_view
-from orip.mistakes.names import name_warnings, photos_under_two_names
+from orip.mistakes.marks import misnamed_marks
+from orip.mistakes.names import figures_told, name_warnings, photos_under_two_names
 from orip.mistakes.other_units import control_errors_too_small, millimetres_per_unit
-from orip.mistakes.outside_frame import TURNED_SENSOR, misnamed_marks, points_outside_frames
+from orip.mistakes.outside_frame import TURNED_SENSOR, points_outside_frames
 from orip.mistakes.photo_coordinates import coordinates_in_other_units, find_reduced_pictures
 from orip.records.block import Block
 from orip.records.camera import CAMERA_PARAMETERS, Camera, Sensor
@@ -123,6 +124,11 @@ def _huge_sensor(camera: Camera) -> str:
     if sensor is None or max(sensor.width, sensor.height) < 1e3 * _SIZES[0]:
         return ""
     width, height = sensor.width * 1e-3, sensor.height * 1e-3
+    if (sensor.width, sensor.height) == (sensor.columns, sensor.rows):
+        return (
+            f"width and height of the sensor are {sensor.width:g} x {sensor.height:g}, its columns and rows, but have "
+            "to be in mm; write the size of the sensor (columns and rows times the size of a pixel in mm)"
+        )
     if c / np.hypot(sensor.width, sensor.height) >= _NO_LENS or not _is_usual(camera, (width, height)):
         return ""
     return (
@@ -332,7 +338,10 @@ def block_warnings(block: Block, control: Control) -> tuple[ProjectWarning, ...]
     from orip.mistakes.stations.strips import missing_strips
 
     names = name_warnings(block, control, block.preliminary)
-    names += left_out_figures(control.figure_points, frozenset(block.point_names))
+    measured = frozenset(block.point_names)
+    told = figures_told(measured, control)
+    figures = [point for point in control.figure_points if point.figure not in told]
+    names += left_out_figures(figures, measured)
     errors = control_errors_too_small(block)
     return (
         *photos_under_two_names(block),

@@ -123,6 +123,9 @@ _FEWEST_OF_A_FLIGHT, _FEWEST_SHARED = 2, 8
 """Photos that can fit each other, and points of the others that they share: with fewer they are not connected."""
 
 
+ANOTHER_FLIGHT = "another-flight"
+
+
 def another_flight(block: Block, not_oriented: Sequence[str]) -> Iterator[Hypothesis]:
     """Yield the photos that could not be oriented in the block as a free network of their own.
 
@@ -148,4 +151,4 @@ def another_flight(block: Block, not_oriented: Sequence[str]) -> Iterator[Hypoth
         "them: they seem to be of another flight or object whose numbers were used again; give its points other "
         "numbers, or leave its photos out"
     )
-    yield Hypothesis(free, finding("another-flight", counted_names("photo", list(not_oriented)), text))
+    yield Hypothesis(free, finding(ANOTHER_FLIGHT, counted_names("photo", list(not_oriented)), text))

@@ -21,6 +21,7 @@ from orip.mistakes.contradicting_rigs import contradicting_rigs
 from orip.mistakes.control.check_points import contradicting_check_points, control_in_another_height_system
 from orip.mistakes.control.contradicting_control import contradicting_control, without_control
 from orip.mistakes.control.contradicting_distances import contradicting_distances
+from orip.mistakes.control.reduced_control import reduced_control
 from orip.mistakes.control.seen_control import misread_control_points
 from orip.mistakes.given_orientations import (
     compared_with_adjusted,
@@ -47,10 +48,12 @@ from orip.mistakes.other_units import angles_in_another_unit, errors_too_large
 from orip.mistakes.photo_coordinates import COORDINATE_UNIT, mirrored_alone, mirrored_photos, mirrored_plane
 from orip.mistakes.photo_precision import precision_too_small
 from orip.mistakes.point_numbers import misnamed_points, points_under_two_numbers
-from orip.mistakes.stations.contradicting_positions import contradicting_positions
+from orip.mistakes.stations.contradicting_positions import contradicting_positions, scattered_positions
 from orip.mistakes.stations.doubted_camera import camera_instead_of_stations, lens_of_doubted_camera
+from orip.mistakes.stations.heights_apart import heights_apart
 from orip.mistakes.stations.misread_angles import misread_angles
 from orip.mistakes.stations.misread_antennas import misread_antennas
+from orip.mistakes.stations.misread_pictures import pictures_instead_of_positions
 from orip.mistakes.stations.misread_positions import HEIGHTS, misread_stations
 from orip.mistakes.stations.two_lenses import two_lenses
 from orip.mistakes.vertical_photos import misread_vertical_photos
@@ -71,6 +74,9 @@ mirror image of a likelier one."""
 _AS_WELL, _NEAR_GIVEN = 1.05, 0.5
 """Ratio of sigma0 up to which two readings fit equally, and shift of a photo over the distance to its points with which
 it is where it was given."""
+
+_FITS = 1.5
+"""Standard error of unit weight up to which the photos fit, whatever the stations do."""
 
 _CONTROL_FITS = 5.0
 """Standard errors within which a control point fits."""
@@ -100,8 +106,7 @@ def explain_misfit(
         Its adjustment without the given orientations; None: there was none yet.
     """
     given = fit_of_adjustment(solved)
-    found = contradicting_rigs(solved, given, readjuster) or misread_control_points(solution, solved, readjuster)
-    if found := found or _of_all_stations(solution, solved, readjuster):
+    if found := _of_ground(solution, solved, given, readjuster):
         return found[:_MOST_WARNINGS]
     if solved.weighing.of_tracks and fits_without_wrong_matches(given):
         return _shown_by_itself(solution, solved, given, readjuster)[:_MOST_WARNINGS]
@@ -118,9 +123,18 @@ def explain_misfit(
             return found
     if elsewhere is not None:
         return _shown_elsewhere(elsewhere, readjuster)
-    if found := precision_too_small(solved, readjuster) or lens_of_doubted_camera(solution, solved, readjuster):
+    scattered = scattered_positions(solution) if given.scale < _FITS and readjuster.is_worthwhile else []
+    found = scattered or precision_too_small(solved, readjuster)
+    if found := found or lens_of_doubted_camera(solution, solved, readjuster):
         return found
     return _shown_by_itself(solution, solved, given, readjuster)[:_MOST_WARNINGS]
+
+
+def _of_ground(solution: Solution, solved: SolvedBlock, given: Fit, readjuster: Readjuster) -> list[ProjectWarning]:
+    """Return what is wrong with rigs, control or stations, from where the block has them."""
+    found = contradicting_rigs(solved, given, readjuster) or reduced_control(solution, solved, readjuster)
+    found = found or misread_control_points(solution, solved, readjuster)
+    return found or _of_all_stations(solution, solved, readjuster)
 
 
 def _of_all_stations(solution: Solution, solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
@@ -132,7 +146,9 @@ def _of_all_stations(solution: Solution, solved: SolvedBlock, readjuster: Readju
         return read
     if found := misread_antennas(solution, solved, readjuster):
         return found
-    return two_lenses(solution, readjuster) or camera_instead_of_stations(solution, solved, readjuster) or read
+    if found := two_lenses(solution, readjuster) or camera_instead_of_stations(solution, solved, readjuster):
+        return found
+    return read or heights_apart(solution, solved, readjuster)
 
 
 def _with_found_orientations(readjuster: Readjuster, known: SolvedBlock | None = None) -> SolvedBlock | None:
@@ -181,7 +197,7 @@ def _shown_by_itself(
         return [*heights, *found]
     if is_good(given):
         found = [
-            *contradicting_positions(solution),
+            *pictures_instead_of_positions(contradicting_positions(solution), solved, readjuster),
             *far_from_given(block, solved),
             *found,
             *contradicting_distances(block, solution),

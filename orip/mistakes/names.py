@@ -21,6 +21,8 @@ _NAMED = 3
 
 _ENDING = re.compile(r"\.(jpe?g|tiff?|png|dng|nef|cr[23]|arw|raf|rw2|orf)$", re.IGNORECASE)
 _SEPARATORS = re.compile(r"[-_.]")
+_ZEROS = re.compile(r"(?<!\d)0+(?=\d)")
+"""Leading zeros of a number in a name."""
 
 
 def control_spelt_otherwise(unmeasured: Sequence[str], unknown: Iterable[str]) -> list[ProjectWarning]:
@@ -75,7 +77,7 @@ def _spelt_otherwise(names: Sequence[str], others: Iterable[str]) -> dict[str, s
 
 def _form(name: str) -> str:
     plain = _SEPARATORS.sub("", _ENDING.sub("", name)).upper()
-    return plain.lstrip("0") or plain
+    return _ZEROS.sub("", plain)
 
 
 def _difference(pairs: Mapping[str, str]) -> str:
@@ -93,7 +95,7 @@ def _between(shorter: str, longer: str) -> str:
     for sign, noun in (("-", "a hyphen"), ("_", "an underscore"), (".", "a point")):
         if longer.replace(sign, "") == shorter:
             return noun
-    return "leading zeros" if longer.lstrip("0") == shorter.lstrip("0") else "their spelling"
+    return "leading zeros" if _ZEROS.sub("", longer) == _ZEROS.sub("", shorter) else "their spelling"
 
 
 MOST_WARNINGS = 50
@@ -105,6 +107,16 @@ _NAMES = {
     "look-alike-names": "names",
 }
 _UNMEASURED = "is not measured in any photo"
+
+
+_FEWEST_OF_FIGURES = 4
+"""Points of figures that are not used, of which one warning is given, and none of the figures that lack them."""
+
+
+def figures_told(points: Container[str], control: Control) -> set[str]:
+    """Return the figures of which one warning tells that their points are not used."""
+    of_figures = [point for point in control.figure_points if point.point not in points]
+    return {point.figure for point in of_figures} if len(of_figures) >= _FEWEST_OF_FIGURES else set()
 
 
 def name_warnings(block: Block, control: Control, preliminary: Sequence[PreliminaryPoint]) -> list[ProjectWarning]:
@@ -138,11 +150,17 @@ def name_warnings(block: Block, control: Control, preliminary: Sequence[Prelimin
         for line in control.given_directions
         if line not in block.given_directions
     ]
-    unused += [
-        ("control", f"point {point.point} of figure {point.figure}", _unplaced(points, point.point))
-        for point in control.figure_points
-        if point.point not in points
-    ]
+    of_figures = [point for point in control.figure_points if point.point not in points]
+    if len(of_figures) >= _FEWEST_OF_FIGURES:
+        figures = list(dict.fromkeys(point.figure for point in of_figures))
+        names = list(dict.fromkeys(point.point for point in of_figures))
+        where = f"{counted_names('point', names)} of {counted_names('figure', figures)}"
+        unused.append(("control", where, "are not used: they are neither measured nor given coordinates; correct them"))
+    else:
+        unused += [
+            ("control", f"point {point.point} of figure {point.figure}", _unplaced(points, point.point))
+            for point in of_figures
+        ]
     unused += [
         ("control", f"element {element.group} {element.name} {element.kind}", _unknown(element))
         for element in control.elements
@@ -162,7 +180,9 @@ def name_warnings(block: Block, control: Control, preliminary: Sequence[Prelimin
     ]
     warnings = [ProjectWarning(f"unused-{what}", where, text) for what, where, text in unused if where not in told]
     similar = []
-    for group in look_alikes([*block.point_names, *(point.name for point in control.points)]):
+    # names that files write differently are said to be one already
+    given = [point.name for point in control.points if f"control point {point.name}" not in told]
+    for group in look_alikes([*block.point_names, *given]):
         text = f"{', '.join(group)} differ only in case or leading zeros: are they one point?"
         similar.append(ProjectWarning("look-alike-names", f"point {group[0]}", text))
     return [*otherwise, *_first_of_each_code(warnings), *_first_of_each_code(similar)]
@@ -182,9 +202,28 @@ def _warn_of_other_spellings(block: Block, control: Control) -> tuple[list[Proje
         [station.photo for station in control.stations if record_key(station.photo) not in photos],
         [name for key, name in photos.items() if key not in of_stations],
     )
-    told = {f"control point {name}" for name in _spelt_otherwise(*points)}
+    pairs = _spelt_otherwise(*points)
+    none_measured = not pairs and len(unmeasured) >= _FEWEST_OF_FILE and len(unmeasured) == len(control.points)
+    told = {f"control point {name}" for name in (unmeasured if none_measured else pairs)}
     told |= {f"exposure station {name}" for name in _spelt_otherwise(*stations)}
-    return [*control_spelt_otherwise(*points), *stations_spelt_otherwise(*stations)], told
+    of_points = [_of_other_names(*points)] if none_measured else control_spelt_otherwise(*points)
+    return [*of_points, *stations_spelt_otherwise(*stations)], told
+
+
+_FEWEST_OF_FILE = 3
+"""Control points of which none is measured by mistake."""
+
+
+def _of_other_names(unmeasured: Sequence[str], measured: Iterable[str]) -> ProjectWarning:
+    """Return a warning that no control point is measured; the names without a like are probably those of the marks."""
+    prefixes = Counter(name.rstrip("0123456789") for name in measured)
+    # there are fewer marks than other points
+    shown = sorted(measured, key=lambda name: prefixes[name.rstrip("0123456789")])
+    text = (
+        f"are not measured in any photo: no name of the control file is one of the measurements, where points are "
+        f"called {first_names(shown, _NAMED)}; write the names of control points alike in both"
+    )
+    return ProjectWarning(OTHER_SPELLING, counted_names("control point", unmeasured), text)
 
 
 def _first_of_each_code(warnings: Sequence[ProjectWarning]) -> Iterator[ProjectWarning]:

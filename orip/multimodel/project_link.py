@@ -18,6 +18,7 @@ from orip.multimodel.link.messages import ProfilePoint
 from orip.multimodel.link.watch import AXES, LOCAL_AXES, Watch
 from orip.multimodel.link.watch_processor import LinkedProcessor, OwnProcessor
 from orip.multimodel.plan_view import BlockPoints, plan_view
+from orip.multimodel.plate_pictures import plate_pictures
 from orip.multimodel.processor import Loaded
 from orip.multimodel.readout import ObjectReadout, PhotoReadout
 from orip.multimodel.state import Driven, Position, Status
@@ -335,7 +336,7 @@ def open_watch(folder: Path, bundle: str | None, link: str | None) -> Watch:
     LinkError
         If the plate processor cannot be reached, or has another table.
     """
-    state = read_bundle(folder, bundle, "solutions")
+    state = read_bundle(folder, bundle, "solutions", "definitions")
     project = state.project
     path = project.drive_table(state.name)
     if not path.is_file():
@@ -347,7 +348,9 @@ def open_watch(folder: Path, bundle: str | None, link: str | None) -> Watch:
         raise InputError([Complaint(f"{fault.text}; {remedy}", project.shown(path)) for fault in loaded])
     plan = plan_view(loaded.block, _points(state))
     processor = OwnProcessor(loaded) if link is None else LinkedProcessor(link, hashlib.sha256(data).hexdigest())
-    return Watch(loaded.block, plan, processor, AXES if project.definition.crs is None else LOCAL_AXES)
+    axes = AXES if project.definition.crs is None else LOCAL_AXES
+    pictures = plate_pictures(state.state, [photo.name for photo in loaded.block.photos])
+    return Watch(loaded.block, plan, processor, axes, pictures)
 
 
 def watch_warnings(folder: Path, bundle: str | None, link: str | None) -> tuple[ProjectWarning, ...]:

@@ -359,6 +359,13 @@ class Measurements:
         return replace(block, cameras=tuple(replace(camera, additional_set=None) for camera in block.cameras))
 
 
+def places_of(observations: PhotoObservations) -> dict[tuple[str, str], tuple[tuple[float, float], bool]]:
+    """Return by photo and point what is measured, and whether it is disregarded."""
+    measured, disregarded = observations.measured.tolist(), observations.disregarded.tolist()
+    rows = zip(observations.photos, observations.points, measured, disregarded, strict=True)
+    return {(photo, point): ((x, y), is_disregarded) for photo, point, (x, y), is_disregarded in rows}
+
+
 def left_to_the_adjustment(rigs: Rigs, control: Control) -> tuple[ProjectWarning, ...]:
     """Return what a session does not know of rigs and control: photos and points are tested one by one."""
     found = []

@@ -17,7 +17,7 @@ from orip.geometry.plane import PlaneTransformation
 from orip.interior.in_force import stored_to_log
 from orip.online.answers import Answer, words_of
 from orip.online.first_photos import THOROUGH
-from orip.online.measurements import left_to_the_adjustment
+from orip.online.measurements import left_to_the_adjustment, places_of
 from orip.online.measuring import Measuring
 from orip.online.online_block import OnlineBlock
 from orip.online.requests import Background, Operation
@@ -165,7 +165,7 @@ class OnlineSession:
         if record_key(record.name) not in self._films.interior.to_photo:
             message = f"photo {record.name} has no interior orientation; measure its fiducial marks first"
             raise UsageError(message)
-        before = self._measured(record.name, point)
+        before = self._places.get((record.name, point))
         self._undo.append(_Undo(record.name, point, None if before is None else self.to_log(record.name, before)))
         self._write(record.name, point, xy, again=before is not None)
         return self._measure(record.name, point, stored)
@@ -184,7 +184,7 @@ class OnlineSession:
         if xy is not None:
             as_written = round(xy[0], DECIMALS), round(xy[1], DECIMALS)
             return self._measure(name, point, self._to_stored(name, as_written))
-        if self._measured(name, point) is not None:
+        if self._places.get((name, point)) is not None:
             self._remove(name, point)
         return None
 
@@ -271,12 +271,12 @@ class OnlineSession:
 
     def _taken(self, found: PhotoObservations | None) -> Iterator[Answer]:
         """Yield answers to the differences between what is measured and what the session has."""
-        after = _places(found or no_observations(self.bundle.name))
+        after = places_of(found or no_observations(self.bundle.name))
         measuring = self.measuring
         excluded = {(record_key(key.photo), key.point) for key in measuring.excluded}
         before = {
             (photo, point): (xy, (record_key(photo), point) in excluded)
-            for (photo, point), (xy, _) in _places(measuring.block.measurements.observations).items()
+            for (photo, point), (xy, _) in places_of(measuring.block.measurements.observations).items()
         }
         for photo, point in sorted(before.keys() - after.keys()):
             self._remove(photo, point)
@@ -293,7 +293,7 @@ class OnlineSession:
         state = BundleState(self._films.state, self.bundle.name)
         first = replace(THOROUGH, solution=solution_of_what_is_measured(state))
         measuring = Measuring(OnlineBlock(block_input_so_far(state)), first)
-        self._places = {place: xy for place, (xy, _) in _places(measuring.block.measurements.observations).items()}
+        self._places = {place: xy for place, (xy, _) in places_of(measuring.block.measurements.observations).items()}
         self._background = Background(measuring, self._seconds)
         self._background.wake = self._wake
 
@@ -319,12 +319,9 @@ class OnlineSession:
         folder, base = self._films.project.folder, self._films.project.control_base(self.bundle.name)
         return _states_of({folder / f"{base}.{extension}" for extension in CONTROL_EXTENSIONS})
 
-    def _measured(self, photo: str, point: str) -> tuple[float, float] | None:
-        return self._places.get((photo, point))
-
     def _required(self, photo: str, point: str) -> tuple[str, tuple[float, float]]:
         record = self._films.photo(photo)
-        before = self._measured(record.name, point)
+        before = self._places.get((record.name, point))
         if before is None:
             message = f"point {point} is not measured in photo {record.name}"
             raise UsageError(message)
@@ -388,10 +385,3 @@ def _states_of(paths: Collection[Path]) -> tuple[tuple[str, int, int], ...]:
     """Return name, time and size of the files that exist."""
     states = [(path.name, path.stat()) for path in sorted(paths) if path.exists()]
     return tuple((name, state.st_mtime_ns, state.st_size) for name, state in states)
-
-
-def _places(observations: PhotoObservations) -> dict[tuple[str, str], tuple[tuple[float, float], bool]]:
-    """Return by photo and point what is measured, and whether it is disregarded."""
-    measured, disregarded = observations.measured.tolist(), observations.disregarded.tolist()
-    rows = zip(observations.photos, observations.points, measured, disregarded, strict=True)
-    return {(photo, point): ((x, y), is_disregarded) for photo, point, (x, y), is_disregarded in rows}

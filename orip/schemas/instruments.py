@@ -70,6 +70,15 @@ class DoubtedEpochs(Part, frozen=True):
     why: str
 
 
+class SatelliteUsed(Part, frozen=True):
+    """A satellite: epochs, residuals of its phases (RMS, m), cycle slips."""
+
+    name: str
+    epochs: int
+    residual: float
+    slips: int
+
+
 class Gnss(Part, frozen=True):
     """Positions of a receiver: m, m², geocentric; place, covariance and closure of one that stands, else null."""
 
@@ -86,6 +95,7 @@ class Gnss(Part, frozen=True):
     place: list[float] | None
     covariance: list[list[float]] | None
     closure: list[float] | None
+    satellites: list[SatelliteUsed]
     doubted: list[DoubtedEpochs]
     warnings: list[Warned]
 

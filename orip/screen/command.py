@@ -11,7 +11,7 @@ import typer
 
 from orip.annexes import MEASURING_ONLINE, STEREO_MODELS, annex
 from orip.cli.options import BundleArgument, Invocation, command
-from orip.errors import LockedError
+from orip.errors import LockedError, UsageError
 from orip.threads import limited_threads
 from orip.web import ANY_PORT
 
@@ -36,7 +36,33 @@ Stereo = Annotated[
     bool,
     typer.Option("--stereo", help="Measure points, lines and areas in the models of the last adjustment, in stereo."),
 ]
+At = Annotated[
+    str | None,
+    typer.Option("--at", metavar="[PHOTO]/POINT", help="Shown first: a point in a photo, or where it is seen best."),
+]
 Open = Annotated[bool, typer.Option("--open/--no-open", help="Open the page in the browser.")]
+
+
+def shown_first(at: str, plates: Mapping[str, Plate]) -> str:
+    """Return what the address of the page has behind its ``#`` for a photo and point.
+
+    Raises
+    ------
+    UsageError
+        If there is no such photo.
+    """
+    from urllib.parse import urlencode
+
+    from orip.records.names import record_key
+
+    names = {record_key(name): name for name in plates}
+    cuts = [place for place, letter in enumerate(at) if letter == "/"]
+    for cut in cuts:  # names may have one, too
+        photo, point = names.get(record_key(at[:cut]), ""), at[cut + 1 :]
+        if point and (photo or not at[:cut]):
+            return urlencode({"photo": photo, "point": point} if photo else {"point": point})
+    message = f"'{at}' is no place: write a photo of the project and a point, such as {next(iter(plates))}/12, or /12"
+    raise UsageError(message)
 
 
 @contextmanager
@@ -108,6 +134,7 @@ def register(app: typer.Typer) -> None:
         bundle: BundleArgument = None,
         stereo: Stereo = False,
         images: Images = None,
+        at: At = None,
         listen: Listen = ANY_PORT,
         browser: Open = True,
     ) -> None:
@@ -130,10 +157,12 @@ def register(app: typer.Typer) -> None:
         state = read_project(invocation.folder, "definitions")
         state.require_initialised()
         plates = plates_of(state, None if images is None else invocation.folder / images)
+        shows = "" if at is None else shown_first(at, plates)
         with limited_threads(invocation.terminal.threads), only_screen(state.project.folder):
             begin = _stereo_screen if stereo else _measuring_screen
             screen = begin(invocation.terminal, state, bundle, plates)
             with page_server(screen, address, screen.picture) as server:
+                server.shows = shows
                 for plate in plates.values():
                     if plate.fault:
                         invocation.terminal.say(f"photo {plate.photo}: {plate.fault}")

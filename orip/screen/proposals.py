@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 from msgspec import Struct
+from numpy.typing import NDArray
 
 from orip.arrays import FloatArray
 from orip.errors import InputError
 from orip.images.matching.least_squares import Fate
-from orip.images.matching.one_point import Expected, Transfer, find_point
+from orip.images.matching.one_point import Expected, FoundPoint, Transfer, find_point
 from orip.images.tiles import TileStore
 from orip.screen.plates import Plate
 
@@ -22,6 +23,9 @@ MOST_OFF = 2.0
 """Pixels from the epipolar line up to which a mark is accepted with all others; and, where that is more,"""
 MOST_ERRORS = 2.5
 """a-priori errors of photo coordinates: the lines of a block that fits badly do."""
+
+MOST_BACK = 0.5
+"""Pixels by which a place that is matched back from another photo may be beside where it was."""
 
 _REACH = 160
 """Pixels around a place that are looked at."""
@@ -64,7 +68,13 @@ class Proposal(Struct, frozen=True):
 
 
 def propose(
-    store: TileStore, plates: Mapping[str, Plate], photo: str, pixel: tuple[float, float], transfers: Sequence[Transfer]
+    store: TileStore,
+    plates: Mapping[str, Plate],
+    photo: str,
+    pixel: tuple[float, float],
+    transfers: Sequence[Transfer],
+    *,
+    checks_back: bool = True,
 ) -> tuple[list[Proposal], list[str]]:
     """Match a place of a photo in others.
 
@@ -78,6 +88,8 @@ def propose(
         Where it shows the point.
     transfers : sequence
         Where the others are expected to show it.
+    checks_back : bool
+        Match each place in the photo again, and accept only what comes back to where it was.
 
     Returns
     -------
@@ -107,7 +119,8 @@ def propose(
     if not used:
         return [], faults
     found = []
-    for one, corner, point in zip(used, corners, find_point(grey, place, expected), strict=True):
+    points = find_point(grey, place, expected)
+    for one, corner, point, other in zip(used, corners, points, expected, strict=True):
         at = point.place + corner
         away = at - one.expected - plates[one.photo].origin
         off = abs(float(away[0] * one.along[1] - away[1] * one.along[0]))
@@ -115,9 +128,19 @@ def propose(
         reason = _REASONS.get(point.fate, "")
         if not reason and off > max(MOST_OFF, MOST_ERRORS * one.error):
             reason = f"{off:.1f} px off the epipolar line"
+        if not reason and checks_back:
+            reason = _back(grey, place, other, point)
         x, y = at.round(3).tolist()
         found.append(Proposal(one.photo, (x, y), error, off, reason))
     return found, faults
+
+
+def _back(grey: NDArray[np.uint8], place: FloatArray, other: Expected, point: FoundPoint) -> str:
+    """Return why a point that was found in another photo is not found from there where it was; empty: it is."""
+    inverse = np.linalg.inv(other.affine).astype(np.float64)
+    (back,) = find_point(other.grey, point.place, [Expected(grey, place, inverse)])
+    away = float(np.linalg.norm(back.place - place))
+    return "" if back.fate == Fate.MATCHED and away <= MOST_BACK else "is not found back from there"
 
 
 def _part(store: TileStore, plate: Plate, place: FloatArray) -> tuple[Any, FloatArray, FloatArray]:

@@ -58,9 +58,10 @@ def rectified_tile(
     level = min(name.level, level_count(*plate.size) - 1)
     # two photos in colour that are not in memory together would be decoded again and again
     is_grey = 2 * 3 * plate.size[0] * plate.size[1] > KEPT_BYTES
-    image = store.level(plate.stored, level, is_grey=is_grey)
     places = _places(width, height, lambda grid: pixels((grid + first) * reduction) / (1 << level))
-    return as_jpeg(_resampled(image, places))
+    with store.level(plate.stored, level, is_grey=is_grey) as image:
+        found = _resampled(image, places)
+    return as_jpeg(found)
 
 
 def _places(width: int, height: int, of: Callable[[FloatArray], FloatArray]) -> FloatArray:

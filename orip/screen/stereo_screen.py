@@ -221,7 +221,9 @@ class StereoScreen:
         transfer = self._processor.transfer_to_right()
         left = self._plates[self._processor.photo_names(reading.model)[0]]
         self._require_surroundings(left, left.to_pixel(reading.logs[0]))
-        found, faults = propose(self._store, self._plates, left.photo, left.to_pixel(reading.logs[0]), [transfer])
+        found, faults = propose(
+            self._store, self._plates, left.photo, left.to_pixel(reading.logs[0]), [transfer], checks_back=False
+        )
         if not found:
             message = "; ".join(faults) or "the photos differ too much in scale to be compared here"
             raise RequestError(message)

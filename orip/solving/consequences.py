@@ -11,22 +11,27 @@ from collections.abc import Collection, Iterable, Sequence
 from msgspec import Struct
 
 from orip.errors import ProjectWarning
-from orip.mistakes.camera_values import CAMERA_SIGNS, OTHER_LENS
+from orip.mistakes.camera_values import CAMERA_SIGNS, FAR_FROM_GIVEN, OTHER_LENS
 from orip.mistakes.control.check_points import HEIGHT_SYSTEM
 from orip.mistakes.control.contradicting_distances import DISTANCE_UNIT
 from orip.mistakes.control.distances_alone import CODE as DISTANCE
+from orip.mistakes.control.reduced_control import REDUCED_CONTROL
 from orip.mistakes.control.seen_control import SHORT_TEXTS_OF_CONTROL
-from orip.mistakes.ground_systems import SHORT_TEXTS_OF_SYSTEMS
+from orip.mistakes.exchanged_photos import ANOTHER_FLIGHT
 from orip.mistakes.hypothesis import EXPLAINING_WARNINGS
+from orip.mistakes.marks import MISNAMED_MARKS, MISREAD_MARK
 from orip.mistakes.misread_photos import MIRRORED
 from orip.mistakes.photo_coordinates import COORDINATE_UNIT, RESOLUTION
 from orip.mistakes.photo_precision import PRECISION
 from orip.mistakes.stations.contradicting_positions import CODE as POSITION
+from orip.mistakes.stations.contradicting_positions import SHORT_TEXTS_OF_POSITIONS
 from orip.mistakes.stations.misread_angles import CODE as ANGLES
 from orip.mistakes.stations.misread_antennas import SHORT_TEXTS_OF_ANTENNAS
 from orip.mistakes.stations.misread_positions import SHORT_TEXTS_OF_STATIONS
+from orip.mistakes.stations.strips import MOVED
 from orip.mistakes.stations.two_lenses import TWO_LENSES
-from orip.mistakes.vertical_photos import HEIGHT_UNIT
+from orip.mistakes.two_systems import SHORT_TEXTS_OF_SYSTEMS
+from orip.mistakes.vertical_photos import HEIGHT_UNIT, SHORT_TEXTS_OF_VERTICAL_PHOTOS
 
 REPLACED = "given-values"
 """Code of the warning that the adjustment did not start from the given values."""
@@ -35,8 +40,18 @@ GIVEN = "given-orientation"
 _OF_START = (GIVEN, "exchanged-photos", "angle-unit", "control-unit", MIRRORED)
 """Codes of what is said of the values that an adjustment started from."""
 
+MARKS = (MISNAMED_MARKS, MISREAD_MARK)
+
 OF_STATIONS = frozenset(
-    (*SHORT_TEXTS_OF_SYSTEMS, *SHORT_TEXTS_OF_STATIONS, *SHORT_TEXTS_OF_ANTENNAS, HEIGHT_SYSTEM, TWO_LENSES, ANGLES),
+    (
+        *SHORT_TEXTS_OF_SYSTEMS,
+        *SHORT_TEXTS_OF_STATIONS,
+        *SHORT_TEXTS_OF_ANTENNAS,
+        HEIGHT_SYSTEM,
+        TWO_LENSES,
+        ANGLES,
+        MOVED,
+    ),
 )
 """Causes that all stations, or their control, appear wrong by."""
 
@@ -69,12 +84,24 @@ CONSEQUENCES: tuple[Consequence, ...] = (
     Consequence((COORDINATE_UNIT, RESOLUTION), warnings=None),
     # a photo that is measured wrong as a whole is anywhere, and leads the adjustment astray
     Consequence(EXPLAINING_WARNINGS, warnings=None, of_same_photo=True),
+    # where pictures are wrong, preliminary values are, and what a camera seems to have
+    Consequence(
+        (*EXPLAINING_WARNINGS, *SHORT_TEXTS_OF_VERTICAL_PHOTOS, *CAMERA_SIGNS, OTHER_LENS, MIRRORED, ANOTHER_FLIGHT),
+        warnings=("preliminary-values", "photo-left-out", "one-ray"),
+    ),
+    Consequence(("outside-frame", "senseless-camera"), warnings=(FAR_FROM_GIVEN,), groups=(*_GROUND, "check point")),
     # positions that are wrong lead nowhere, and photos are not where they were given
     Consequence(OF_STATIONS, warnings=(REPLACED, *_OF_START), groups=_GROUND),
+    # coordinates in another unit make their errors those of no survey
+    Consequence(SHORT_TEXTS_OF_SYSTEMS, warnings=("error-unit",)),
     Consequence((POSITION,), warnings=(REPLACED,)),
+    Consequence(SHORT_TEXTS_OF_POSITIONS, warnings=(REPLACED, *_OF_START), groups=_GROUND),
+    # marks that are wrong bend the pictures
+    Consequence(MARKS, warnings=None, groups=(*_GROUND, "check point", "distance", "camera", "photo")),
     Consequence((POSITION,), warnings=(GIVEN,), of_same_photo=True),
     # control that is somewhere else takes all photos with it
     Consequence(SHORT_TEXTS_OF_CONTROL, warnings=(REPLACED, *_OF_START), groups=(*_GROUND, "check point", "camera")),
+    Consequence((REDUCED_CONTROL,), warnings=None, groups=(*_GROUND, "check point", "camera")),
     # weights that are a hundred times too large bend the block
     Consequence((PRECISION,), warnings=None, groups=(*_GROUND, "check point", "camera", "photo")),
     # a camera displaces photos along their axes, and these the control

@@ -10,17 +10,19 @@ from orip.errors import UNREAD_FILE, ProjectWarning
 from orip.mistakes.control.check_points import HEIGHT_SYSTEM, OF_HEIGHT_SYSTEMS
 from orip.mistakes.control.contradicting_distances import DISTANCE_UNIT, OF_DISTANCE_UNITS
 from orip.mistakes.control.free_network import FREE_DATUM
+from orip.mistakes.control.reduced_control import OF_REDUCED_CONTROL, REDUCED_CONTROL
 from orip.mistakes.control.seen_control import SHORT_TEXTS_OF_CONTROL
-from orip.mistakes.ground_systems import GROUND_SYSTEM, IN_DEGREES, SHORT_TEXTS_OF_SYSTEMS
 from orip.mistakes.hypothesis import EXPLAINING_WARNINGS
 from orip.mistakes.names import OTHER_SPELLING
 from orip.mistakes.photo_coordinates import COORDINATE_UNIT, RESOLUTION
 from orip.mistakes.photo_precision import OF_PRECISION, PRECISION
+from orip.mistakes.stations.contradicting_positions import SHORT_TEXTS_OF_POSITIONS
 from orip.mistakes.stations.misread_angles import CODE as ANGLES
 from orip.mistakes.stations.misread_angles import OF_ANGLES
 from orip.mistakes.stations.misread_antennas import SHORT_TEXTS_OF_ANTENNAS
 from orip.mistakes.stations.misread_positions import SHORT_TEXTS_OF_STATIONS
 from orip.mistakes.stations.two_lenses import OF_TWO_LENSES, TWO_LENSES
+from orip.mistakes.two_systems import GROUND_SYSTEM, IN_DEGREES, SHORT_TEXTS_OF_SYSTEMS
 from orip.mistakes.vertical_photos import SHORT_TEXTS_OF_VERTICAL_PHOTOS
 from orip.records.results.solution import Diagnosis, Solution
 from orip.solving.consequences import REPLACED, groups_that_follow
@@ -33,8 +35,8 @@ FIRST_CAUSES = {
 
 WRONG = {
     **SHORT_TEXTS_OF_VERTICAL_PHOTOS, **SHORT_TEXTS_OF_SYSTEMS, **SHORT_TEXTS_OF_STATIONS,
-    **SHORT_TEXTS_OF_ANTENNAS, **SHORT_TEXTS_OF_CONTROL,
-    HEIGHT_SYSTEM: OF_HEIGHT_SYSTEMS, TWO_LENSES: OF_TWO_LENSES, ANGLES: OF_ANGLES,
+    **SHORT_TEXTS_OF_POSITIONS, **SHORT_TEXTS_OF_ANTENNAS, **SHORT_TEXTS_OF_CONTROL,
+    REDUCED_CONTROL: OF_REDUCED_CONTROL, HEIGHT_SYSTEM: OF_HEIGHT_SYSTEMS, TWO_LENSES: OF_TWO_LENSES, ANGLES: OF_ANGLES,
     COORDINATE_UNIT: "the photo coordinates are in another unit", DISTANCE_UNIT: OF_DISTANCE_UNITS,
     PRECISION: OF_PRECISION,
 }  # fmt: skip
@@ -59,7 +61,7 @@ def judged(
     measured = [found for found in gathered if found.code in EXPLAINING_WARNINGS and solution.status == "doubtful"]
     others = [_mistake(found) for found in (*measured, *mistaken, *taken) if found.code not in WRONG]
     status = "doubtful" if wrong and solution.status == "converged" else solution.status
-    diagnosis = (*wrong, *_after_causes(solution, (*mistaken, *gathered) if wrong else mistaken), *others)
+    diagnosis = (*wrong, *_after_causes(solution, (*mistaken, *(gathered if wrong else measured))), *others)
     return replace(solution, status=status, diagnosis=diagnosis)
 
 

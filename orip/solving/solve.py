@@ -130,7 +130,7 @@ def solve(
         for warning in gathered.warnings
         if warning.code in FIRST_CAUSES or any(follows(found, warning) for found in mistaken)
     ]
-    others = [warning for warning in gathered.warnings if warning not in causes]
+    others = without_consequences((found for found in gathered.warnings if found not in causes), known)
     mistaken, taken, of_start = (without_consequences(found, known) for found in (mistaken, taken, start.warnings))
     warnings = (*causes, *mistaken, *taken, *others, *of_start, *forewarnings(start.block))
     rows = tuple((warning.code, warning.where, warning.text) for warning in warnings)

@@ -15,7 +15,7 @@ from orip.bundle.rigs.parts import with_parts_on_rigs
 from orip.bundle.rigs.starting import oriented_by_rigs
 from orip.errors import Complaint, InputError, NotSolvableError, ProjectWarning
 from orip.mistakes.checks import block_warnings, measurement_warnings, raise_if_impossible
-from orip.mistakes.ground_systems import contradicting_ground_systems
+from orip.mistakes.two_systems import contradicting_ground_systems
 from orip.prelim.ground import orientations_in_frame, points_in_project
 from orip.prelim.similarity.absolute_orientation import NO_CONTROL
 from orip.progress import stage

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from orip.arrays import FloatArray
     from orip.stations.gnss.processing import GnssResult
+    from orip.stations.gnss.satellites import SatelliteUse
 
 _LEAST_DEVIATION = 1e-4
 _WAYS: dict[str, Way] = {"static": "static", "kinematic": "kinematic", "epochs": "epochs"}
@@ -210,6 +211,8 @@ def _lines(result: GnssResult) -> Iterator[tuple[str, str]]:
             "compared",
             f"{len(compared)} epochs forward and backward differ by {rms:.1f} mm (RMS), {sizes.max():.1f} at most",
         )
+    if result.satellites:
+        yield "phases", _phases(result.satellites)
     if result.settings.way == "static":
         yield from _standing_lines(result)
     for stretch in result.stretches[:_MOST_STRETCHES]:
@@ -219,6 +222,16 @@ def _lines(result: GnssResult) -> Iterator[tuple[str, str]]:
 
 
 _MOST_STRETCHES = 12
+
+
+def _phases(satellites: tuple[SatelliteUse, ...]) -> str:
+    """Say what residuals phases have, and where cycles slipped."""
+    count = sum(one.epochs for one in satellites)
+    rms = np.sqrt(sum(one.epochs * one.residual**2 for one in satellites) / max(count, 1))
+    worst = max(satellites, key=lambda one: one.residual)
+    slipped = ", ".join(f"{one.name} {one.slips}" for one in satellites if one.slips)
+    slips = f"cycle slips: {slipped}" if slipped else "no cycle slips"
+    return f"residuals {1000.0 * rms:.1f} mm (RMS), {worst.name} has {1000.0 * worst.residual:.1f} mm; {slips}"
 
 
 def _standing_lines(result: GnssResult) -> Iterator[tuple[str, str]]:
@@ -254,6 +267,10 @@ def _document(result: GnssResult, target: Path, *, dry_run: bool) -> dict[str, o
         "place": result.place.tolist() if stands else None,
         "covariance": result.covariance.tolist() if stands else None,
         "closure": result.closure.tolist() if stands else None,
+        "satellites": [
+            {"name": one.name, "epochs": one.epochs, "residual": one.residual, "slips": one.slips}
+            for one in result.satellites
+        ],
         "doubted": [
             {"begin": part.begin, "end": part.end, "epochs": part.epochs, "why": part.why} for part in result.stretches
         ],

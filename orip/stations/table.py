@@ -71,6 +71,9 @@ class RowReader(Struct):
         return [self.number(row, index) for index in indices]
 
 
+_GZIP, _LOOKED_AT = b"\x1f\x8b", 4096
+
+
 def text_rows(path: Path, reader: RowReader, separators: str = r"\s") -> Iterator[Row]:
     """Iterate over the lines of a file that have fields, comments included.
 
@@ -78,6 +81,9 @@ def text_rows(path: Path, reader: RowReader, separators: str = r"\s") -> Iterato
     """
     data, complaints = read_bytes(path, reader.shown)
     reader.complaints += complaints
+    if data is not None and (data.startswith(_GZIP) or b"\x00" in data[:_LOOKED_AT]):
+        reader.complaints.append(Complaint("this is no text; unpack it, or give the file that is meant", reader.shown))
+        return
     yield from rows_of(data or b"", separators)
 
 

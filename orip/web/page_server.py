@@ -107,7 +107,7 @@ class WatchServer(ThreadingTCPServer):
         self, watch: Watched, address: tuple[str, int] = (HOST, 0), pictures: Callable[[str], bytes] = no_pictures
     ) -> None:
         self.watch, self.pictures = watch, pictures
-        self.token = secrets.token_urlsafe(16)
+        self.token, self.shows = secrets.token_urlsafe(16), ""
         self.page = watch.page.read_bytes()
         self.scene = _json(watch.scene)
         self.ending = threading.Event()
@@ -129,8 +129,8 @@ class WatchServer(ThreadingTCPServer):
 
     @property
     def url(self) -> str:
-        """Return the address of the page."""
-        return f"http://{self.host}:{self.port}/{self.token}/"
+        """Return the address of the page, and what it is to show first (`shows`, behind a ``#``)."""
+        return f"http://{self.host}:{self.port}/{self.token}/{self.shows and '#'}{self.shows}"
 
     def process_request(self, request: Any, client_address: Any) -> None:
         """Serve a connection in a thread, if there are not too many."""

@@ -6,6 +6,7 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
+from html import escape
 
 from orip.errors import OripError
 from orip.threads import begin_thread
@@ -51,7 +52,8 @@ def _page_to_open(server: WatchServer) -> Iterator[str]:
     """Yield what a browser is given to open: others can see its command, and could drive and measure by the token."""
     from orip.web.access import private_file
 
-    page = f'<!doctype html><meta http-equiv="refresh" content="0; url={server.url}"><a href="{server.url}">orip</a>'
+    url = escape(server.url)
+    page = f'<!doctype html><meta http-equiv="refresh" content="0; url={url}"><a href="{url}">orip</a>'
     try:
         path = private_file(f"page-{server.port}.html", page)
     except (OSError, RuntimeError):

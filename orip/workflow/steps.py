@@ -97,7 +97,7 @@ def solve_step(bundle: BundleState) -> Step:
     if stale := stale_solution_outputs(project, bundle.name, head.run):
         names = ", ".join(project.shown(path) for path in stale)
         return Step(command, "out of date", f"missing or older than the last adjustment: {names}; {WRITTEN_BY}")
-    return _of_head(command, head)
+    return _of_head(command, head, has_images=any(photo.image for photo in bundle.records.photos.values()))
 
 
 def inputs_now(bundle: BundleState) -> Digests:
@@ -106,11 +106,11 @@ def inputs_now(bundle: BundleState) -> Digests:
     return (*control_input_digests(project, bundle.name), *bundle.digests, project.heading_digest)
 
 
-def _of_head(command: str, head: SolutionHead) -> Step:
+def _of_head(command: str, head: SolutionHead, *, has_images: bool) -> Step:
     found = f"{head.status.replace('_', ' ')}, sigma0 {head.sigma0:.4f}"
     if head.status == "doubtful":
         words = head.verdict.removeprefix("Converged, ").removeprefix("but ").removeprefix("with doubts: ")
-        found = f"{found}: {words}"
+        found = f"{found}: {words}{'; orip screen shows where' if has_images else ''}"
     if head.status == "stopped":
         return Step(command, "out of date", f"{found}: Ctrl-C ended it before it converged")
     if head.status in ("not_converged", "not_determined"):

@@ -127,6 +127,16 @@ def test_a_misfit_is_found_and_measured_again_by_keys_alone(page: Page, rendered
     assert not page.errors()
 
 
+def test_an_address_leads_to_a_point_in_a_photo(page: Page, rendered: Rendered) -> None:
+    url = page.browser.current_url
+    page.browser.get("about:blank")
+    page.browser.get(f"{url}#photo=P2&point=T6")
+    page.wait(lambda: page.js("return scene && size(photo).name === 'P2' && Object.keys(lines).length === 2"))
+    assert page.js("return mark") == pytest.approx(rendered.pixel(2, (0.44, 0.49)), abs=1e-3)
+    assert page.js("return document.activeElement === plate && at('point').value") == "T6"
+    assert not page.errors()
+
+
 def test_a_name_with_markup_stays_a_name(page: Page) -> None:
     page.js("at('match').checked = false")
     page.js("at('point').value = '<img/src=x/onerror=document.title=1>'; show(0, [200, 200]); plate.focus()")

@@ -5,6 +5,7 @@ Needs the packages chromium and chromium-driver of the system and `pip install '
 
 from __future__ import annotations
 
+import os
 import shutil
 import signal
 import subprocess
@@ -244,3 +245,26 @@ def test_the_command_with_a_cliff(browser, command):
     assert process.wait(10) == 0
     assert process.stderr.read() == "Ctrl-C ends it\n"
     page.wait(lambda: "No connection" in page.text("status"))
+
+
+def test_photos_with_images_lie_on_the_plates(browser, tmp_path) -> None:
+    pytest.importorskip("PIL")
+    pytest.importorskip("cv2")
+    from screen.stereo_project import adjusted_strip
+    from screen.test_plate_pictures import watched
+
+    from orip.multimodel.project_link import open_watch
+
+    adjusted = adjusted_strip(tmp_path / "project")
+    with watched(open_watch(adjusted.folder, None, None)) as url:
+        page = Page(browser, url)
+        browser.execute_script("return command('drive', { object: [20, 10, 14] })")
+        page.wait(lambda: len(browser.find_elements("css selector", ".plate image")) == 2)
+        loaded = (
+            "return [...document.querySelectorAll('.eyepiece')].filter(one => !one.hidden && one.getContext('2d')"
+            ".getImageData(20, 56, 1, 1).data[3]).length"
+        )
+        page.wait(lambda: browser.execute_script(loaded) == 2)
+        assert browser.get_log("browser") == []
+        if folder := os.environ.get("ORIP_TEST_SCREENSHOTS"):
+            browser.save_screenshot(str(Path(folder) / "watch-pictures.png"))

@@ -17,8 +17,9 @@ from orip.interior.definitions import Definitions
 from orip.interior.orientation import orient_photo
 from orip.mistakes.checks import camera_warnings, raise_if_impossible
 from orip.mistakes.control.contradicting_control import control_warnings, slip_of_pen
+from orip.mistakes.marks import misnamed_marks
 from orip.mistakes.names import photos_under_two_names
-from orip.mistakes.outside_frame import misnamed_marks, points_outside_frames
+from orip.mistakes.outside_frame import points_outside_frames
 from orip.records.block import Block
 from orip.records.camera import CAMERA_PARAMETERS, Camera, Mark, Sensor
 from orip.records.control import ControlPoint
@@ -174,7 +175,8 @@ def test_one_mark_mispointed_is_no_other_name() -> None:
     camera = Camera("A", (35.0, *[0.0] * 12), fiducials=tuple(Mark(str(k + 1), *xy) for k, xy in enumerate(given)))
     photos = [_photo(str(k), given, [1, 2, 3, 4], random) for k in range(5)]
     photos[2].marks.measured[1] += 0.5
-    assert misnamed_marks([orient_photo(photo, camera, on_template=False).adjustment for photo in photos]) == []
+    found = misnamed_marks([orient_photo(photo, camera, on_template=False).adjustment for photo in photos])
+    assert [(warning.code, warning.where) for warning in found] == [("misread-mark", "photo 2")]
 
 
 # -------------------------------------------------------------------------------------------------------------- photos

@@ -11,7 +11,13 @@ import pytest
 Images = pytest.importorskip("PIL.Image")
 pytest.importorskip("cv2")
 
-from screen.rendered_project import NEW, Rendered, asked, make_project, served  # noqa: E402  # after what it needs
+from cli.command_line import orip  # noqa: E402  # after what it needs
+from screen.rendered_project import NEW, Rendered, asked, make_project, served  # noqa: E402
+
+from orip.errors import UsageError  # noqa: E402
+from orip.screen.command import shown_first  # noqa: E402
+from orip.screen.plates import plates_of  # noqa: E402
+from orip.workflow.project.state import read_project  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -127,3 +133,27 @@ def test_an_image_that_vanishes_is_one_message(project: Path) -> None:
         assert status == 404
         assert "not there any more" in said["error"]
         assert "P1.png" in said["error"]
+
+
+def test_run_and_status_name_the_command_that_shows_the_worst_misfit(project: Path, rendered: Rendered) -> None:
+    said = orip(project, "run", "--no-report")
+    assert "orip screen" not in said.out
+    x, y = rendered.pixel(1, (0.44, 0.49))
+    with (project / "plane.MEA").open("a") as file:
+        file.write(f"POINTS MAIN P1\n  T6 {x + 30.0:.4f} {y:.4f}\n")
+    said = orip(project, "run", "--no-report")
+    assert "look     orip screen --at P1/T6 shows the worst misfit in its picture" in said.out
+    assert "does not fit" in said.out
+    status = orip(project, "status").out
+    assert ("orip screen shows where" in status) == ("doubtful" in status)
+
+
+def test_what_is_shown_first_is_behind_the_address(project: Path) -> None:
+    plates = plates_of(read_project(project, "definitions"), None)
+    assert shown_first("P1/T6", plates) == "photo=P1&point=T6"
+    assert shown_first("p1/<b>&#/", plates) == "photo=P1&point=%3Cb%3E%26%23%2F"
+    assert shown_first("/T6", plates) == "point=T6"
+    assert shown_first("a/b/c", {"a/b": plates["P1"]}) == "photo=a%2Fb&point=c"
+    for wrong in ("P9/T6", "T6", "", "/", "P1/"):
+        with pytest.raises(UsageError, match="such as P0/12"):
+            shown_first(wrong, plates)

@@ -16,6 +16,7 @@ from support.json_schemas import schema_faults
 from orip.errors import Complaint, OripError
 from orip.stations.gnss import rtklib
 from orip.stations.gnss.receiver_data import read_receiver_file
+from orip.stations.gnss.satellites import satellites_used, unlike_the_others
 from orip.stations.gnss.solution import doubted_stretches, join_directions, parse_solution
 
 GNSS = REFERENCE_DATA / "gnss"
@@ -186,6 +187,45 @@ def test_epochs_are_fixed_and_scatter_by_millimetres(folder, way):
     common, mine, its = np.intersect1d(own.time, theirs.time, return_indices=True)
     assert len(common) > 100
     np.testing.assert_allclose(own.place[mine], theirs.place[its], atol=0.002)
+
+
+def test_residuals_and_cycle_slips_of_satellites(folder):
+    """What RTKLIB's own program says of them; and a slip of 300 cycles that is put into the observations."""
+    found = {row["name"]: row for row in computed(folder)["satellites"]}
+    assert len(found) >= 7
+    assert all(row["epochs"] > 10 and row["residual"] < 0.02 for row in found.values())
+    lines = (folder / ROVER).read_text().splitlines(keepends=True)
+    epochs = [at for at, line in enumerate(lines) if line.startswith(" 05  4  2")]
+    for at in epochs[60:]:
+        names = [lines[at][32 + 3 * n : 35 + 3 * n] for n in range(int(lines[at][29:32]))]
+        if "G11" in names:
+            row = at + 1 + names.index("G11")
+            lines[row] = f"{float(lines[row][:14]) + 300.0:14.3f}" + lines[row][14:]
+    (folder / ROVER).write_text("".join(lines))
+    slipped = {row["name"]: row for row in computed(folder)["satellites"]}
+    assert slipped["G11"]["slips"] > found["G11"]["slips"]
+    assert slipped["G19"]["slips"] == found["G19"]["slips"]
+
+
+def test_satellites_of_a_file_of_status():
+    line = "$SAT,1316,518400.000,{},{},1.0,16.2,1.0,{},{},0.0,2,0,1,0,{},0"
+    rows = [("G07", 1, 0.003, 1, 0), ("G07", 2, -0.004, 1, 2), ("G07", 1, 9.0, 0, 1), ("G08", 1, 0.5, 0, 3)]
+    rows += [(f"E{n:02d}", 1, 0.001, 1, 0) for n in range(5)] + [("E09", 1, 0.1, 1, 0)]
+    found = satellites_used("\n".join(["$POS,1", "", *(line.format(*row) for row in rows)]))
+    assert [one.name for one in found] == ["E00", "E01", "E02", "E03", "E04", "E09", "G07"]
+    assert (found[-1].epochs, found[-1].slips) == (1, 3)
+    assert found[-1].residual == pytest.approx(np.sqrt((9.0 + 16.0) / 2.0) / 1000.0)
+    assert [one.name for one in unlike_the_others(found)] == ["E09"]
+
+
+def test_wavelengths_are_those_of_the_thesis():
+    """Yom 2000, chapter 4: L1, L2 and the wide lane, of the constants with which RTKLIB computes."""
+    rtk = pytest.importorskip("pyrtklib5", reason="pip install 'orip[gnss]'")
+    first, second = rtk.FREQL1, rtk.FREQL2
+    assert rtk.CLIGHT / first == pytest.approx(0.190294, abs=5e-7)
+    assert rtk.CLIGHT / second == pytest.approx(0.244210, abs=5e-7)
+    assert (first - second) / 1e6 == pytest.approx(347.82, abs=0.005)
+    assert rtk.CLIGHT / (first - second) == pytest.approx(0.861918, abs=5e-7)
 
 
 def test_the_program_rnx2rtkp_gives_the_same(folder, monkeypatch):

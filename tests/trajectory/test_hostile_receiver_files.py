@@ -184,6 +184,7 @@ def test_inertial_files_that_are_exchanged_or_of_others(flown, tmp_path):
     (folder / "one.pos").write_text("\n".join(positions[:2]) + "\n")
     refused(folder, "are needed", "imu", "imu.csv", "one.pos", LEVER)
     (folder / "imu.gz.pos").write_bytes(gzip.compress(samples.encode()))
+    refused(folder, "imu.gz.pos: this is no text", "imu", "imu.csv", "imu.gz.pos", LEVER)
     before = content(folder)
     for words in (("flight.pos", "imu.csv"), ("imu.csv", "imu.gz.pos"), ("imu.csv", "imu.csv")):
         said = orip(folder, "imu", *words, LEVER)

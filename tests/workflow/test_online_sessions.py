@@ -267,7 +267,7 @@ def test_undo_remove_exclude_and_include(project) -> None:
     assert _reply(session, folder, do="include", photo=photo, point=name)["state"] != "excluded"
     _measure(session, folder, (photo, name, x + 0.5, y))
     assert _reply(session, folder, do="undo")["state"] in ("included", "unchecked")
-    assert session._measured(photo, name) == pytest.approx((x, y), abs=1e-9)
+    assert session._places[photo, name] == pytest.approx((x, y), abs=1e-9)
     assert _reply(session, folder, do="remove", photo=photo, point=name)["state"] == "removed"
     assert "is not measured" in _reply(session, folder, do="remove", photo=photo, point=name)["error"]
     assert len(OnlineSession(folder, None).measuring.block.measurements) == len(points) - 1

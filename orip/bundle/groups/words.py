@@ -70,8 +70,11 @@ _REMEDIES = {
     **dict.fromkeys(FIGURE_GROUPS, "check whether the points are those of the figure, and their a-priori errors"),
 }
 
-_LONGEST_ARM, _LARGEST_SHIFT = 10.0, 20.0
+_LONGEST_ARM, _LARGEST_SHIFT = 3.0, 20.0
 """Metres: from the antenna to a camera on board of an aircraft, and what single-point GNSS is off by."""
+
+_LARGEST_BORESIGHT, _OF_LARGEST = 20.0, 0.1
+"""Degrees that a camera is turned by in its mount, and part of the largest angle that hardly counts."""
 
 _HELD_REMEDY = (
     "check the calibration of the camera; if it was made at another time, or in another state of the camera, set "
@@ -287,7 +290,8 @@ def _with_sd(value: float, sd: float, sign: str = "") -> str:
 def _remedy(found: Contradiction, ground_unit: str) -> str:
     group = found.groups[0]
     if group.kind == "station" and _is_beyond_gnss(found, ground_unit):
-        return f"no lever arm or shift is so large: {_REMEDIES[group.kind].removesuffix(', and the lever arm')}"
+        what = "lever arm" if found.extent == "lever arm" else "shift"
+        return f"no {what} is so large: {_REMEDIES[group.kind].removesuffix(', and the lever arm')}"
     if found.extent == "held":
         return _HELD_REMEDY.format(component=group.component)
     if found.extent == "lever arm":
@@ -307,8 +311,29 @@ def _remedy(found: Contradiction, ground_unit: str) -> str:
         kinds += [f'strips = ["{group.of}"]'] if group.of else []
         return f"set {joined(kinds)} in [[antenna]] of orip.toml; or {_REMEDIES[group.kind]}"
     if found.common and group.kind == "attitude":
+        if (turn := _turn_of_azimuths(found)) is not None:
+            return turn
         return f'set unknown = ["BX", "BY", "BZ"] in [[antenna]] of orip.toml; or {_REMEDIES[group.kind]}'
     return "; ".join(dict.fromkeys(_REMEDIES[group.kind] for group in found.groups))
+
+
+def _turn_of_azimuths(found: Contradiction) -> str | None:
+    """Return what to do where attitudes are turned about the vertical alone, or farther than a camera is mounted."""
+    sizes = {error.component: abs(error.size) for error in found.common if not error.is_drift}
+    largest = max(sizes.values(), default=0.0)
+    if largest > _LARGEST_BORESIGHT:
+        return (
+            "no boresight is so large: angles are OMEGA, PHI and KAPPA in degrees, about grid axes; convert them, or "
+            "write 'ANGLES ROLL PITCH HEADING' as a line before the first station"
+        )
+    if sizes.get("KAPPA", 0.0) == largest and all(
+        size < _OF_LARGEST * largest for component, size in sizes.items() if component != "KAPPA"
+    ):
+        return (
+            "check whether KAPPA counts from grid north, not from true or magnetic north (convergence, declination): "
+            'correct it; or set unknown = ["BX", "BY", "BZ"] in [[antenna]] of orip.toml, if the camera is turned'
+        )
+    return None
 
 
 def _is_beyond_gnss(found: Contradiction, ground_unit: str) -> bool:

@@ -143,6 +143,24 @@ def tables_in_folder(folder: Path) -> dict[Path, tuple[str, ...]]:
     return {path: names for path in files[:_MOST_FILES] if (names := _names_with_numbers(path))}
 
 
+_OTHER_CONTROL = (".len", ".dir", ".con", ".sta", ".ele", ".rel")
+
+
+def control_texts_of_folder(folder: Path) -> dict[Path, frozenset[str]]:
+    """Return the control texts of a folder, but those of points, and the words in the beginning of each.
+
+    Files that cannot be read are left out.
+    """
+    found = {}
+    files = [path for path in sorted(folder.iterdir()) if path.suffix.lower() in _OTHER_CONTROL and path.is_file()]
+    for path in files[:_MOST_FILES]:
+        try:
+            found[path] = frozenset(beginning(path, _MOST_CHARACTERS).split())
+        except (OSError, UnicodeDecodeError):
+            continue
+    return found
+
+
 def _names_with_numbers(path: Path) -> tuple[str, ...]:
     try:
         text = beginning(path, _MOST_CHARACTERS)

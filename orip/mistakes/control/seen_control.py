@@ -33,10 +33,11 @@ from orip.records.results.solution import Solution
 from orip.structs import replace
 from orip.wording import counted_names
 
-EXCHANGED_CONTROL, CONTROL_HEIGHTS = "exchanged-control", "control-heights"
+EXCHANGED_CONTROL, CONTROL_HEIGHTS, SOME_HEIGHTS = "exchanged-control", "control-heights", "heights-of-some"
 
 SHORT_TEXTS_OF_CONTROL = {
     EXCHANGED_CONTROL: "two control points are exchanged",
+    SOME_HEIGHTS: "some control points have heights of another system",
     CONTROL_HEIGHTS: "Z of the control fits only if it is read otherwise",
 }
 """What the status says of the block, by the code of the warning."""
@@ -269,6 +270,10 @@ def _changes(seen: _Seen) -> Iterator[_Change]:
     """Yield what may have been mistaken: names of two, axes or coordinates of one, heights of all."""
     given = _as_given(seen)
     rows = range(len(seen.names))
+    for chosen in (pair for number in (2, 3) for pair in combinations(rows, number) if len(rows) > 2 * number):
+        left_out = given.left_out.copy()
+        left_out[list(chosen), 2] = True
+        yield given._replace(left_out=left_out, price=_OF_ONE * len(chosen), points=chosen)
     for pair in combinations(rows, 2):
         order = np.arange(len(rows))
         order[list(pair)] = pair[::-1]
@@ -296,6 +301,8 @@ def _said(block: Block, seen: _Seen, best: _Fitted, others: list[_Fitted]) -> li
         return [_of_heights(change.factor)]
     if not any(kinds[seen.names[row]] == "control" for found in (best, *others) for row in found.change.points):
         return []  # check points have warnings of their own
+    if len(change.points) > 1 and change.left_out.any():
+        return _of_other_heights(block, seen, best)
     if len(change.points) == 2:
         return [_of_exchange(block, *sorted(seen.names[row] for row in change.points))]
     (row,) = change.points
@@ -320,6 +327,21 @@ def _of_heights(factor: float) -> ProjectWarning:
             f"Z fits when it is multiplied by {factor:.5g}: Z seems to be in {unit}, X and Y in {other}; use one unit"
         )
     return ProjectWarning(CONTROL_HEIGHTS, "control points", text)
+
+
+def _of_other_heights(block: Block, seen: _Seen, best: _Fitted) -> list[ProjectWarning]:
+    """Return that some points have heights of another system, if these are off alike."""
+    rows = list(best.change.points)
+    off, sd = seen.given[rows, 2] - best.placed[rows, 2], best.sd[rows, 2]
+    by = float(np.mean(off))
+    if np.abs(off - by).max() > _CHANCE * _OPTIMISTIC * float(sd.max()):
+        return []
+    text = (
+        f"they alone are given about {abs(by):.2f} {block.ground_unit} too {'high' if by > 0.0 else 'low'} in Z: their "
+        "heights are probably in another system (above the ellipsoid, above the geoid), or are those of another pole; "
+        "take all heights from one system"
+    )
+    return [ProjectWarning(SOME_HEIGHTS, counted_names("control point", [seen.names[row] for row in rows]), text)]
 
 
 def _of_exchange(block: Block, one: str, other: str) -> ProjectWarning:

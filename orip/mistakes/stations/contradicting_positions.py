@@ -8,6 +8,7 @@ from itertools import combinations
 import numpy as np
 from msgspec import Struct
 
+from orip.adjustment.weights import MEDIAN_OF_NORMAL
 from orip.arrays import FloatArray
 from orip.errors import ProjectWarning
 from orip.mistakes.control.contradicting_control import slip_of_pen
@@ -25,10 +26,19 @@ _SINGLE = 0.4
 _BESIDE = 0.1
 """Part of the largest difference below which that of another component is not named."""
 
-CODE = "contradicting-position"
+CODE, OFF_ALIKE, SCATTERED = "contradicting-position", "positions-off-alike", "scattered-positions"
+
+SHORT_TEXTS_OF_POSITIONS = {
+    OFF_ALIKE: "positions of a part of the photos are off alike",
+    SCATTERED: "the positions of the photos are worse than their a-priori errors, or those of others",
+}
+"""What the status says of the block, by the code of the warning."""
 
 _FEWEST_ALIKE = 3
 """Least number of wrong positions of which it is no chance that they are off alike."""
+
+_FEWEST_TOGETHER = 4
+"""Wrong positions that no slip explains, of which one warning is given."""
 
 _TOLERANCE = 4.0
 """Standard errors within which a coordinate is the one that was meant."""
@@ -53,6 +63,7 @@ class _Position(Struct, frozen=True):
     given: FloatArray
     found: FloatArray
     error: FloatArray
+    a_priori: FloatArray
     doubted: bool
 
     @property
@@ -85,10 +96,107 @@ def contradicting_positions(solution: Solution) -> list[ProjectWarning]:
     wrong = [position for position in wrong if not any(_follows(position, shift) for shift in shifts)]
     pairs = [pair for pair in combinations(wrong, 2) if _are_exchanged(*pair)]
     exchanged = [position.photo for pair in pairs for position in pair]
+    single = [position for position in wrong if position.photo not in exchanged]
+    said = [(position, *_contradiction(position, solution.ground_unit)) for position in single]
+    unexplained = [position for position, _, is_explained in said if not is_explained]
+    together = len(unexplained) >= _FEWEST_TOGETHER
     return [
         *(_exchange(*pair) for pair in pairs),
-        *(_contradiction(position, solution.ground_unit) for position in wrong if position.photo not in exchanged),
+        *(warning for _, warning, is_explained in said if is_explained or not together),
+        *([_without_fix(unexplained, solution.ground_unit)] if together else []),
     ]
+
+
+_FEWEST_SCATTERED = 6
+"""Positions whose scatter is told."""
+
+_SCATTER, _OF_NEIGHBOURS = 5.0, 0.3
+"""Errors from which positions scatter, and part of the distance of neighbours from which they are of other photos."""
+
+_OF_CODE = 30.0
+"""Ground units that positions of GNSS without a fix scatter by at most."""
+
+_DIGITS = 2
+
+_ALIKE = ("lever arm", "along the axes", "of strip")
+"""Words of contradictions that positions of a flight to and fro have in common."""
+
+
+def scattered_positions(solution: Solution) -> list[ProjectWarning]:
+    """Return why most positions of a file are off, each otherwise, or those of a part of the flight alike.
+
+    Parameters
+    ----------
+    solution : Solution
+        In which photos and control fit.
+    """
+    positions = list(_positions(solution))
+    wrong = [position for position in positions if position.doubted]
+    if len(positions) < _FEWEST_SCATTERED or len(wrong) <= max(2.0, _SINGLE * len(positions)):
+        return []
+    if len({(position.file, position.components) for position in positions}) > 1:
+        return []
+    if any(words in found.text for found in solution.diagnosis for words in _ALIKE):
+        return []
+    off = np.array([position.off for position in positions])
+    error = np.median([position.error for position in positions], axis=0)
+    if part := _part_of_flight(positions, off, error, solution.ground_unit):
+        return [part]
+    scatter = np.median(np.abs(off - np.median(off, axis=0)), axis=0) / MEDIAN_OF_NORMAL
+    given = np.median([position.a_priori for position in positions], axis=0)
+    if ((scatter < _SCATTER * given) | (scatter < error)).all():
+        return []
+    where = "exposure stations"
+    apart = float(np.median(np.linalg.norm(np.diff([position.found for position in positions], axis=0), axis=1)))
+    text = (
+        f"their positions scatter by {scatter.max():.{_DIGITS}g} {solution.ground_unit} about those of the photos, "
+        f"{(scatter / given).max():.{_DIGITS}g} times their a-priori errors: "
+    )
+    size = float(np.linalg.norm(scatter))
+    if size > _OF_NEIGHBOURS * apart:
+        text += f"they seem to be those of other photos; match positions and names again in the {wrong[0].file} file"
+    elif size > _OF_CODE:
+        text += f"they seem to be in another system, or those of other photos; correct them in the {wrong[0].file} file"
+    else:
+        text += (
+            "as those of GNSS without a fix (RTK, PPK) do, or the errors are in another unit; write errors of about "
+            f"{scatter.max():.{_DIGITS}g} {solution.ground_unit} in the {wrong[0].file} file"
+        )
+    return [ProjectWarning(SCATTERED, where, text)]
+
+
+def _part_of_flight(
+    positions: Sequence[_Position], off: FloatArray, error: FloatArray, ground_unit: str
+) -> ProjectWarning | None:
+    """Return that the positions from one photo on are off by the same, compared with those before."""
+    best, place = np.inf, 0
+    for row in range(_FEWEST_ALIKE, len(off) - _FEWEST_ALIKE + 1):
+        parts = off[:row], off[row:]
+        spread = sum(float(np.sum(np.abs(part - np.median(part, axis=0)) / error)) for part in parts)
+        if spread < best:
+            best, place = spread, row
+    parts = off[:place], off[place:]
+    middles = [np.median(part, axis=0) for part in parts]
+    spreads = [
+        np.median(np.abs(part - middle), axis=0) / MEDIAN_OF_NORMAL for part, middle in zip(parts, middles, strict=True)
+    ]
+    by = middles[1] - middles[0]
+    # a part that keeps its weight holds the block there, and the other part is off alike
+    if any((spread > _SCATTER * error).any() for spread in spreads) or not (np.abs(by) > 2.0 * _SCATTER * error).any():
+        return None
+    first = positions[0]
+    listed = ", ".join(f"{name} {value:+.3f}" for name, value in zip(first.components, by.tolist(), strict=True))
+    text = (
+        f"those from {positions[place].photo} to {positions[-1].photo} are off by {listed} {ground_unit}, compared "
+        f"with those before, as where the base station or the reference system changed: correct them in the "
+        f"{first.file} file"
+    )
+    if first.file == ".STA":
+        text += (
+            '; or give both parts a strip of their own (the last field of their lines) and set shift = "strip" in '
+            "[[antenna]] of orip.toml"
+        )
+    return ProjectWarning(OFF_ALIKE, "exposure stations", text)
 
 
 def _positions(solution: Solution) -> Iterator[_Position]:
@@ -112,6 +220,7 @@ def _positions(solution: Solution) -> Iterator[_Position]:
             rows.observed[mine],
             rows.observed[mine] + rows.residual[mine],
             np.hypot(rows.a_priori[mine] * max(1.0, solution.sigma0), of_photo),
+            rows.a_priori[mine],
             bool(doubted.any()),
         )
 
@@ -139,7 +248,7 @@ def _off_alike(wrong: Sequence[_Position], ground_unit: str) -> ProjectWarning |
             '; or give them a strip of their own there (the last field of their lines) and set shift = "strip" and '
             "strips = its name in [[antenna]] of orip.toml"
         )
-    return ProjectWarning(CODE, counted_names("exposure station", [position.photo for position in wrong]), text)
+    return ProjectWarning(OFF_ALIKE, counted_names("exposure station", [position.photo for position in wrong]), text)
 
 
 def _shifts_of_strips(solution: Solution) -> list[dict[str, float]]:
@@ -175,8 +284,19 @@ def _exchange(one: _Position, other: _Position) -> ProjectWarning:
     return ProjectWarning(CODE, "", text)
 
 
-def _contradiction(position: _Position, ground_unit: str) -> ProjectWarning:
-    """Return a warning for a position, with the slip in writing that explains it if there is one."""
+def _without_fix(wrong: Sequence[_Position], ground_unit: str) -> ProjectWarning:
+    """Return one warning for positions that are off one by one, as where GNSS has lost its fix."""
+    sizes = sorted(float(np.linalg.norm(position.off)) for position in wrong)
+    text = (
+        f"their positions contradict the block, by {sizes[0]:.2g} to {sizes[-1]:.2g} {ground_unit}: check whether GNSS "
+        f"had a fix there: correct them in the {wrong[0].file} file, or make their errors negative (then they are only "
+        "compared)"
+    )
+    return ProjectWarning(CODE, counted_names("exposure station", [position.photo for position in wrong]), text)
+
+
+def _contradiction(position: _Position, ground_unit: str) -> tuple[ProjectWarning, bool]:
+    """Return a warning for a position, and whether it has the slip in writing that explains it."""
     components, file = position.components, position.file
     off = ", ".join(f"{components[place]} {position.off[place]:+.3f}" for place in position.wrong)
     text = f"its position contradicts the block: it is off by {off} {ground_unit}"
@@ -185,17 +305,19 @@ def _contradiction(position: _Position, ground_unit: str) -> ProjectWarning:
         for place, (given, found, error) in enumerate(zip(position.given, position.found, position.error, strict=True))
         if place in position.wrong
     ]
+    is_explained = True
     if len(components) == len("XYZ") and _axes_are_exchanged(position):
         text += f": its {components[0]} and {components[1]} are exchanged; exchange them in the {file} file"
     elif slips and all(slip for _, slip in slips):
         listed = "; ".join(f"{components[place]} = {position.given[place]:.10g} {slip}" for place, slip in slips)
         text += f": {listed}; correct it in the {file} file"
     else:
+        is_explained = False
         text += (
             f"; check it, and whether GNSS had a fix there: correct it in the {file} file, or make its errors negative "
             "(then it is only compared)"
         )
-    return ProjectWarning(CODE, f"exposure station {position.photo}", text)
+    return ProjectWarning(CODE, f"exposure station {position.photo}", text), is_explained
 
 
 def _axes_are_exchanged(position: _Position) -> bool:

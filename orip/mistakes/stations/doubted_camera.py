@@ -58,7 +58,7 @@ def camera_instead_of_stations(solution: Solution, solved: SolvedBlock, readjust
         Of the block as gathered.
     """
     block = readjuster.block
-    if not (readjuster.is_worthwhile and _has_positions(block) and are_doubted(solution)):
+    if not (readjuster.is_worthwhile and has_positions(block) and are_doubted(solution)):
         return []
     without = readjuster.adjust(_without_positions(block))
     for row in range(len(block.cameras)):
@@ -77,7 +77,8 @@ def camera_instead_of_stations(solution: Solution, solved: SolvedBlock, readjust
     return []
 
 
-def _has_positions(block: Block) -> bool:
+def has_positions(block: Block) -> bool:
+    """Tell whether positions of photos are observed."""
     of_elements = any(element.group == "PHOTO" and element.kind in _PLACES for element in block.elements)
     return of_elements or any(station.has_position for station in block.stations)
 
@@ -85,7 +86,7 @@ def _has_positions(block: Block) -> bool:
 def lens_of_doubted_camera(solution: Solution, solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
     """Return that the photos have another lens than their camera, if groups accuse it and no positions are observed."""
     block = readjuster.block
-    if not readjuster.is_worthwhile or _has_positions(block):
+    if not readjuster.is_worthwhile or has_positions(block):
         return []
     accused = " ".join(found.where for found in group_findings(solution))
     for row, camera in enumerate(block.cameras):

@@ -11,9 +11,9 @@ from orip.arrays import FloatArray, IntArray
 from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
 from orip.mistakes.control.check_points import OF_HEIGHT_SYSTEMS
-from orip.mistakes.ground_systems import SHORT_TEXTS_OF_SYSTEMS
 from orip.mistakes.hypothesis import fit_of_adjustment
 from orip.mistakes.other_units import FEET_AND_METRES, LENGTH_UNITS
+from orip.mistakes.two_systems import SHORT_TEXTS_OF_SYSTEMS
 from orip.records.block import Block
 from orip.records.names import record_key
 from orip.structs import replace
@@ -21,13 +21,14 @@ from orip.structs import replace
 # The block has to fit without them: they lost their weight, and control shows where the photos are.
 
 ORDER, HEIGHTS, AXES, UNIT = "station-order", "station-heights", "station-axes", "station-unit"
-SHORTENED = "shortened-coordinates"
+SHORTENED, HEIGHT_OFFSET = "shortened-coordinates", "height-offset"
 
 SHORT_TEXTS_OF_STATIONS = {
     ORDER: "positions of photos stand under the names of others",
     HEIGHTS: OF_HEIGHT_SYSTEMS,
     AXES: "the axes of the stations are not those of the control",
     UNIT: "the stations are in another unit than the control",
+    HEIGHT_OFFSET: "the heights of the control and of the stations differ by a constant",
     SHORTENED: "leading digits are missing in the stations or the control",
 }
 """What the status says of the block, by the code of the warning."""

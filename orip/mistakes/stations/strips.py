@@ -39,6 +39,8 @@ def missing_strips(block: Block) -> Iterator[ProjectWarning]:
             yield ProjectWarning("missing-strips", f"antenna {antenna.name}", text)
 
 
+MOVED = "moved-stations"
+
 _FEWEST_STATIONS = 6
 """Stations of which the others still determine the ground system when one of them is left out."""
 
@@ -57,7 +59,7 @@ def moved_stations(block: Block) -> Iterator[Hypothesis]:
             "and so on; correct the names in the .STA file, or match events and photos again"
         )
         renamed = tuple(replace(station, photo=name) for station, name in zip(moved, names, strict=True))
-        yield Hypothesis(_with_stations(block, renamed), finding("moved-stations", "exposure stations", text))
+        yield Hypothesis(_with_stations(block, renamed), finding(MOVED, "exposure stations", text))
 
 
 def _with_stations(block: Block, stations: tuple[Station, ...]) -> Block:

@@ -112,8 +112,8 @@ def watch_command(
 ) -> None:
     """Show the block in plan, the measuring mark and both plates in the browser; a click in the plan drives the mark.
 
-    Without --link (or ORIP_LINK) the page has a plate processor of its own. The page can be seen only from this
-    machine; Ctrl-C ends it.
+    Photos that have images lie on the plates. Without --link (or ORIP_LINK) the page has a plate processor of its own.
+    The page can be seen only from this machine; Ctrl-C ends it.
 
     Example: orip drive watch
     """
@@ -125,7 +125,7 @@ def watch_command(
     watch = open_watch(invocation.folder, bundle, link)
     try:
         invocation.terminal.warn(watch_warnings(invocation.folder, bundle, link))
-        with page_server(watch, address) as server:
+        with page_server(watch, address, watch.picture) as server:
             invocation.terminal.answer("drive-watch", {"command": "drive watch", "url": server.url}, server.url)
             invocation.terminal.flush()
             invocation.terminal.say("Ctrl-C ends it")

@@ -17,6 +17,7 @@ from orip.multimodel.movement import KEYS
 from orip.multimodel.oriented_block import OrientedBlock
 from orip.multimodel.photo_loop import DrivenPhoto
 from orip.multimodel.plan_view import PlanView
+from orip.multimodel.plate_pictures import NO_PICTURES, PlatePictures
 from orip.multimodel.state import SIDES, Side
 from orip.records.drive_table import STAGES, Triple
 from orip.records.photo import Stage
@@ -43,13 +44,21 @@ class Watch:
     processor : WatchedProcessor
     axes : tuple of 3 strings
         Names of the object axes.
+    pictures : PlatePictures
+        Of the photos that have images.
     """
 
     def __init__(
-        self, block: OrientedBlock, plan: PlanView, processor: WatchedProcessor, axes: tuple[str, str, str] = AXES
+        self,
+        block: OrientedBlock,
+        plan: PlanView,
+        processor: WatchedProcessor,
+        axes: tuple[str, str, str] = AXES,
+        pictures: PlatePictures = NO_PICTURES,
     ) -> None:
         self.page = files("orip.multimodel.link") / "page" / "watch.html"
-        self.scene = scene_document(block, plan, axes)
+        self.scene = {**scene_document(block, plan, axes), "pictures": pictures.document()}
+        self.picture = pictures.picture
         self.commands: Mapping[str, Callable[[Document], Document]] = {
             "drive": self.drive,
             "next": self.next_model,

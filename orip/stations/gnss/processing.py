@@ -17,6 +17,7 @@ from orip.stations.gnss.calendar import moment
 from orip.stations.gnss.given_files import Antex, PreciseFile, is_precise, read_antex, read_precise
 from orip.stations.gnss.receiver_data import ReceiverFile, read_receiver_file
 from orip.stations.gnss.rtklib import Settings, Way, engine, run_rtklib
+from orip.stations.gnss.satellites import SatelliteUse, satellites_used, unlike_the_others
 from orip.stations.gnss.solution import (
     Joined,
     Stretch,
@@ -98,6 +99,8 @@ class GnssResult(Struct, frozen=True):
         Geocentric, of a rover that stands: the last epoch forward, which has all observations; m, m².
     closure : array (3,)
         Of a rover that stands: forward less backward, each with all observations, m.
+    satellites : tuple of SatelliteUse
+        Forward in time.
     warnings : tuple of ProjectWarning
     """
 
@@ -111,6 +114,7 @@ class GnssResult(Struct, frozen=True):
     place: FloatArray
     covariance: FloatArray
     closure: FloatArray
+    satellites: tuple[SatelliteUse, ...]
     warnings: tuple[ProjectWarning, ...]
 
     @property
@@ -177,14 +181,13 @@ def process_gnss(files: GnssFiles) -> GnssResult:
     texts = [(_ENDINGS[part.kind], part.data) for part in (rover, base, *orbits)]
     texts += [(part.ending, part.data) for part in precise]
     calibrations = None if antex is None or isinstance(antex, Complaint) else antex.data
-    directions = []
+    directions, said = [], ""
     with stage("RTKLIB", total=2) as advance:
-        for backward in (False, True):
-            directions.append(
-                parse_solution(run_rtklib(replace(settings, backward=backward), texts, program, calibrations))
-            )
+        for backward in (True, False):
+            text, said = run_rtklib(replace(settings, backward=backward), texts, program, calibrations)
+            directions.append(parse_solution(text))
             advance(len(directions))
-    forward, backward_solution = directions
+    backward_solution, forward = directions
     if not len(forward) or not len(backward_solution):
         message = (
             f"RTKLIB finds no position: {common_epochs(rover, base)} epochs and "
@@ -196,7 +199,7 @@ def process_gnss(files: GnssFiles) -> GnssResult:
     last, other = forward.place[-1], backward_solution.place[-1]
     result = GnssResult(
         rover, base, settings, program, joined, doubted_stretches(joined), common_epochs(rover, base),
-        last, forward.covariance[-1], last - other, tuple(warnings),
+        last, forward.covariance[-1], last - other, satellites_used(said), tuple(warnings),
     )  # fmt: skip
     return replace(result, warnings=(*warnings, *_doubts(result)))
 
@@ -310,6 +313,9 @@ def _doubts(result: GnssResult) -> Iterator[ProjectWarning]:
             "length of the baseline and the interval of the observations"
         )
         yield ProjectWarning("few-fixed", result.rover.shown, text)
+    for one in unlike_the_others(result.satellites):
+        text = f"phases of {one.name} have residuals of {1000.0 * one.residual:.0f} mm, far above those of the others"
+        yield ProjectWarning("bad-satellite", result.rover.shown, text)
     if result.settings.way == "static" and solution.is_fixed[-1]:
         limit = 5.0 * np.sqrt(np.diag(result.covariance)) + 0.002
         if (np.abs(result.closure) > limit).any():

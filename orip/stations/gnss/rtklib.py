@@ -34,6 +34,8 @@ _FREE_VARIANCE = 1e4
 """m²: ambiguities of one epoch are fixed from positions of code alone, which are some metres off."""
 
 _TIME_LIMIT_S = 3600.0
+_RESIDUALS = 2
+"""States and residuals are written."""
 
 
 class Settings(Struct, frozen=True):
@@ -114,8 +116,10 @@ def engine() -> str:
     return program
 
 
-def run_rtklib(settings: Settings, texts: Sequence[tuple[str, bytes]], program: str, antex: bytes | None = None) -> str:
-    """Return a solution as RTKLIB writes it (.pos); empty where it has none.
+def run_rtklib(
+    settings: Settings, texts: Sequence[tuple[str, bytes]], program: str, antex: bytes | None = None
+) -> tuple[str, str]:
+    """Return a solution as RTKLIB writes it (.pos), and what it says of satellites; empty where there is none.
 
     Parameters
     ----------
@@ -143,7 +147,11 @@ def run_rtklib(settings: Settings, texts: Sequence[tuple[str, bytes]], program: 
             calibrations.write_bytes(antex)
         request = RtklibRequest(settings, str(output), files, "" if antex is None else str(calibrations))
         _run(request, output, program)
-        return output.read_text(encoding="ascii", errors="replace") if output.exists() else ""
+        return _text_of(output), _text_of(Path(f"{output}.stat"))
+
+
+def _text_of(path: Path) -> str:
+    return path.read_text(encoding="ascii", errors="replace") if path.exists() else ""
 
 
 def _run(request: RtklibRequest, output: Path, program: str) -> None:
@@ -186,6 +194,7 @@ def _options(request: RtklibRequest) -> str:
         "out-solformat": 1,
         "out-timesys": 0,
         "out-timeform": 0,
+        "out-outstat": _RESIDUALS,
         "ant1-antdele": rover[0],
         "ant1-antdeln": rover[1],
         "ant1-antdelu": rover[2],
@@ -231,6 +240,7 @@ def compute(request: RtklibRequest) -> int:
         for at, letter in enumerate(request.antex):
             paths.rcvantp[at] = paths.satantp[at] = letter
         process.posopt[0] = process.posopt[1] = int(settings.precise)
+    output.sstat = _RESIDUALS
     always = pyrtklib5.gtime_t()
     files = request.files
     return int(

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from msgspec import Struct
 
-from orip.arrays import FloatArray, IntArray
+from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.errors import OripError
 from orip.stations.inertial.alignment import Alignment
 from orip.stations.inertial.samples import Fixes, Observed
-from orip.stations.inertial.standing import STANDING_DEVIATION, stands_at
+from orip.stations.inertial.standing import STANDING_DEVIATION
 from orip.structs import replace
 
 _LEVEL_DEVIATION, _COURSE_DEVIATION = np.radians(20.0), np.radians(90.0)
@@ -84,12 +84,20 @@ class Graph:
         The fix of each state; -1: none.
     factors : Factors
     alignment : Alignment
+    stands : array (k,) of bool
+        States in which the velocity is observed to be zero.
     """
 
     def __init__(
-        self, observed: Observed, times: FloatArray, fix: IntArray, factors: Factors, alignment: Alignment
+        self,
+        observed: Observed,
+        times: FloatArray,
+        fix: IntArray,
+        factors: Factors,
+        alignment: Alignment,
+        stands: BoolArray,
     ) -> None:
-        self.gtsam = load_gtsam()
+        self.gtsam, self.stands = load_gtsam(), stands
         self.observed, self.times, self.fix, self.factors, self.alignment = observed, times, fix, factors, alignment
         given = observed.fixes
         self.fixes = replace(
@@ -99,7 +107,6 @@ class Graph:
         )
         symbol = self.gtsam.symbol_shorthand
         self.x, self.v, self.b = symbol.X, symbol.V, symbol.B
-        self._stands = stands_at(observed.imu, given, times)
         self._swing = np.cross(observed.imu.mean_rates(given.time), observed.lever_arm)
 
     def first_values(self) -> Any:
@@ -162,7 +169,7 @@ class Graph:
         """
         gtsam, fixes, row = self.gtsam, self.fixes, int(self.fix[at])
         factors: list[tuple[str, Any]] = []
-        if self._stands[at]:
+        if self.stands[at]:
             model = gtsam.noiseModel.Isotropic.Sigma(3, STANDING_DEVIATION)
             factors.append(("standing", gtsam.PriorFactorVector(self.v(at), np.zeros(3), model)))
         if row < 0:

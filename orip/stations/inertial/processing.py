@@ -116,7 +116,9 @@ def _in_gps_time(imu: ImuSamples, positions: Epochs, files: ImuFiles) -> tuple[I
 def _overlapping(positions: Epochs, imu: ImuSamples, files: ImuFiles) -> Epochs:
     within = (positions.time > imu.time[0]) & (positions.time < imu.time[-1])
     within &= np.isfinite(positions.place).all(axis=1)
-    within &= np.concatenate([[True], np.diff(positions.time) > 0.0])
+    # later than all before it: a time that jumps ahead is not followed by earlier ones
+    latest = np.maximum.accumulate(np.where(within, positions.time, -np.inf))
+    within &= np.concatenate([[True], positions.time[1:] > latest[:-1]])
     rows = np.flatnonzero(within)
     if len(rows) < 10:
         message = f"there are {len(rows)} positions within the time of the samples; at least 10 are needed"

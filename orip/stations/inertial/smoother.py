@@ -16,6 +16,7 @@ from orip.stations.inertial.chain import Chain, border_of, chain_of
 from orip.stations.inertial.filter import Filtered, States, filtered_values, run_filter
 from orip.stations.inertial.graph import SIZES, Factors, Graph
 from orip.stations.inertial.samples import Fixes, Observed
+from orip.stations.inertial.standing import stands_at
 
 _LONGEST_STEP = 1.0
 _MOST_ESTIMATES = 8
@@ -140,7 +141,7 @@ class Solved:
         redundancy of all is that of the unit.
         """
         trajectory = self.trajectory
-        sums = dict.fromkeys(("first", "unit", "position", "velocity", "standing"), 0.0)
+        sums = dict.fromkeys(("first", "unit", "position", "velocity"), 0.0)
         for group, factor in self._grouped:
             sums[group] += 2.0 * factor.error(self.values)
         fixes, states = self.graph.fixes, np.flatnonzero(trajectory.fix >= 0)
@@ -149,10 +150,9 @@ class Solved:
         has = np.isfinite(fixes.velocity).all(axis=1) & np.isfinite(fixes.velocity_deviation).all(axis=1)
         known = np.diagonal(trajectory.velocity_covariance[states[has]], axis1=1, axis2=2)
         speed = 3.0 * int(has.sum()) - float((known / fixes.velocity_deviation[has] ** 2).sum())
-        still = 3.0 * trajectory.standing  # its share of the redundancy goes to the unit: both say that it is quiet
-        unit = 3.0 * len(states) + 3.0 * int(has.sum()) + still - place - speed
+        unit = 3.0 * len(states) + 3.0 * int(has.sum()) - place - speed
         return Factors(
-            _factor(sums["unit"] + sums["standing"], unit),
+            _factor(sums["unit"], unit),
             _factor(sums["position"], place),
             _factor(sums["velocity"], speed),
         )
@@ -171,14 +171,18 @@ def smooth(observed: Observed, wanted: FloatArray | None = None, *, estimates_no
     """
     alignment = align(observed)
     times, fix = state_times(observed.fixes, np.zeros(0) if wanted is None else wanted)
-    graph = Graph(observed, times, fix, Factors(), alignment)
+    stands = stands_at(observed.imu, observed.fixes, times)
+    # a unit that stands is quieter than one that moves: noise is estimated without what is known of standing
+    graph = Graph(observed, times, fix, Factors(), alignment, stands & (not estimates_noise))
     solved = Solved(graph, filtered_values(graph))
     for _ in range(_MOST_ESTIMATES - 1 if estimates_noise else 0):
         change = solved.estimated_factors()
         if change.are_settled:
             break
-        graph = Graph(observed, times, fix, graph.factors.times(change), alignment)
+        graph = Graph(observed, times, fix, graph.factors.times(change), alignment, graph.stands)
         solved = Solved(graph, solved.values)
+    if estimates_noise and stands.any():
+        solved = Solved(Graph(observed, times, fix, graph.factors, alignment, stands), solved.values)
     return solved
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from orip.bundle.assemble import BlockInput
 from orip.errors import UNREAD_FILE, InputError, ProjectWarning
-from orip.files.text.decimal_numbers import tables_in_folder
+from orip.files.text.decimal_numbers import control_texts_of_folder, tables_in_folder
 from orip.records.coded_names import coded
 from orip.records.control import Control
 from orip.records.ground import TerrainModel
@@ -64,6 +64,23 @@ def unread_files(bundle: BundleState, control: Control) -> Iterator[ProjectWarni
         yield ProjectWarning(UNREAD_FILE, project.shown(path), text)
 
 
+def control_of_another_name(bundle: BundleState) -> Iterator[ProjectWarning]:
+    """Yield a warning for each control text whose name is that of no bundle, and that names what is measured."""
+    project = bundle.project
+    base = project.control_base(bundle.name)
+    bases = {base, project.control_base(), *project.control_of_bundles.values()}
+    measured = {*coded(bundle.observations.points).occurring(), *coded(bundle.observations.photos).occurring()}
+    for path, words in control_texts_of_folder(project.folder).items():
+        own = f"{base}{path.suffix.upper()}"
+        if path.stem in bases or (project.folder / own).exists() or len(words & measured) < _FEWEST:
+            continue
+        text = (
+            f"this file is not read, but names points or photos of this project, whose control is in files called "
+            f'{base}; rename it to {own}, or write control_files = "{path.stem}" in [project], for all control files'
+        )
+        yield ProjectWarning(UNREAD_FILE, project.shown(path), text)
+
+
 def _of_another_name(names: Sequence[str], stem: str, base: str) -> str:
     return (
         f"this file is not read, but has coordinates of {first_names(names, _NAMED)}: the project's control is in "
@@ -112,7 +129,7 @@ def block_input_so_far(bundle: BundleState) -> BlockInput:
         given.value.preliminary,
         definition.ground_unit,
         definition.crs,
-        (*unread_files(bundle, given.value.control), *given.warnings),
+        (*unread_files(bundle, given.value.control), *control_of_another_name(bundle), *given.warnings),
         definition.antennas,
         definition.rigs,
         tuple(_terrain_models(bundle.project)),

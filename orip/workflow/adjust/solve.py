@@ -9,11 +9,14 @@ from msgspec import Struct
 
 from orip.bundle.methods import Method
 from orip.bundle.problem import pose_problem
+from orip.bundle.results.reliability import suspect_rows
 from orip.bundle.solve import SolvedBlock
+from orip.images.images_of_photos import paths_of_photos
 from orip.prelim.ground import absolute_in_project
 from orip.records.coded_names import coded
 from orip.records.ground import GroundSystem
 from orip.records.names import record_key
+from orip.records.observation_kinds import PHOTO_POINT
 from orip.records.preliminary import PreliminaryValues
 from orip.records.results.solution import InteriorSummary, Solution
 from orip.records.results.tests import Gate, GateResult
@@ -35,13 +38,17 @@ ADJUSTED_FROM: tuple[Part, ...] = ("definitions", "marks", "observations")
 
 
 class SolveOutcome(Struct, frozen=True):
-    """A solution, the results of gates, the files to write, and photos left out."""
+    """A solution, the results of gates, the files to write, photos left out, and the worst misfit that is in an image.
+
+    It is ``PHOTO/POINT``, as `orip screen --at` takes it; empty where there is none.
+    """
 
     project: ProjectFolder
     solution: Solution
     gates: tuple[GateResult, ...]
     files: tuple[Path, ...]
     left_out: tuple[str, ...] = ()
+    worst: str = ""
 
 
 def solve(
@@ -106,7 +113,14 @@ def _change(bundle: BundleState, adjusted: _Adjusted, gates: Sequence[Gate]) -> 
     files = (*project.outputs(bundle.name).written(solution), *(output.path for output in adjusted.listed))
     return Change(
         bundle.state,
-        SolveOutcome(project, solution, check_solution(solution, gates), files, _left_out(bundle, solution)),
+        SolveOutcome(
+            project,
+            solution,
+            check_solution(solution, gates),
+            files,
+            _left_out(bundle, solution),
+            _worst_in_image(bundle, solution),
+        ),
         StoredParts(solutions={record_key(bundle.name): solution}),
         locks=(project.exterior,),
         is_compared=False,
@@ -128,6 +142,16 @@ def _that_keeps(watcher: SolveWatcher, found: list[PreliminaryValues]) -> SolveW
         watcher.replaced(values)
 
     return replace(watcher, oriented=oriented, replaced=replaced)
+
+
+def _worst_in_image(bundle: BundleState, solution: Solution) -> str:
+    residuals, folder = solution.residuals, bundle.project.folder
+    for row in suspect_rows(solution, bundle.project.definition.test_level).tolist():
+        photo = bundle.records.photos.get(record_key(residuals.photo[row]))
+        if residuals.kind[row] == PHOTO_POINT.name and photo is not None:
+            image = paths_of_photos({photo.name: photo.image}, folder, None)[0].get(photo.name)
+            return f"{photo.name}/{residuals.point[row]}" if image is not None else ""
+    return ""
 
 
 def _left_out(bundle: BundleState, solution: Solution) -> tuple[str, ...]:

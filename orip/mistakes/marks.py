@@ -1,0 +1,279 @@
+"""Fiducial and tick marks with exchanged names, and single ones that are measured or given wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import combinations
+
+import numpy as np
+from msgspec import Struct
+
+from orip.arrays import FloatArray, IntArray
+from orip.errors import ProjectWarning
+from orip.geometry.plane import MARKS_NEEDED, PARAMETERS, fit_plane_transformation
+from orip.mistakes.control.contradicting_control import slip_of_pen
+from orip.records.interior import MarkAdjustment
+from orip.wording import counted_names, joined
+
+# Marks named by their position in the scan fit nearly as well as under their own names, because the four corners of a
+# frame are nearly symmetrical. But no camera and no template is perfectly symmetrical: the given coordinates fit best
+# under the right names. So the marks are named in every order that a rotation or a reflection of the film would give,
+# and the residuals are compared with those of the other films.
+
+MISNAMED_MARKS, MISREAD_MARK = "misnamed-marks", "misread-mark"
+
+_UNLIKELY = 1e-6
+"""Probability of such large residuals by chance below which names are doubted; there is one test for each film."""
+
+_LIKELY = 1e-3
+"""Probability of the residuals above which marks fit under these names."""
+
+_STRETCHED = 1.2
+"""Ratio of the scales in x and y that no film or enlargement reaches: an upright frame was stretched into a landscape
+one."""
+
+_LISTED = 4
+"""Most marks that a message lists."""
+
+
+class _Order(Struct, frozen=True):
+    """Which mark each one would be, and whether the film would have to be turned over."""
+
+    marks: IntArray
+    turned_over: bool
+
+
+class _Film(Struct, frozen=True):
+    """Square sums (mm²) of the residuals under the names given, and under those that fit best.
+
+    And with two marks exchanged, and without one mark, each by their places among the used marks; the variance (mm²) is
+    that with which they fit best.
+    """
+
+    adjustment: MarkAdjustment
+    given: float
+    best: float
+    order: _Order
+    exchanged: dict[tuple[int, int], float]
+    without: dict[int, float]
+
+    @property
+    def redundancy(self) -> int:
+        return self.adjustment.summary.redundancy
+
+    @property
+    def variance(self) -> float:
+        least = min(self.given, self.best, *self.exchanged.values()) / self.redundancy
+        return min(least, *(of / (self.redundancy - 2) for of in self.without.values())) if self.without else least
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Return the names of the used marks."""
+        marks = self.adjustment.marks
+        return tuple(name for name, left_out in zip(marks.names, marks.disregarded, strict=True) if not left_out)
+
+    def is_likely(self, square_sum: float, redundancy: int, films: Sequence[_Film], limit: float) -> bool:
+        """Tell whether residuals are as large as those of the other films by chance, with a probability."""
+        from scipy.special import fdtrc  # takes its time; most commands do without
+
+        others = [other for other in films if other is not self]
+        noise = float(np.median([other.variance for other in others])) if others else self.variance
+        freedom = sum(other.redundancy for other in others) or self.redundancy
+        if noise <= 0.0 or not np.isfinite(square_sum):
+            return noise <= 0.0
+        return float(fdtrc(redundancy, freedom, square_sum / redundancy / noise)) > limit
+
+
+def misnamed_marks(adjustments: Sequence[MarkAdjustment]) -> list[ProjectWarning]:
+    """Return warnings for templates and photos whose marks do not fit as they are named, measured and given.
+
+    Parameters
+    ----------
+    adjustments : sequence of MarkAdjustment
+        Of all templates and photos: together they tell how well marks fit.
+    """
+    films = [film for adjustment in adjustments if (film := _film(adjustment)) is not None]
+    found: dict[tuple[str, str], list[_Film]] = {}
+    wrong: dict[tuple[str, str], list[_Film]] = {}
+    for film in films:
+        if _is_misnamed(film, films):
+            found.setdefault((film.adjustment.summary.group, _finding(film)), []).append(film)
+        elif not film.is_likely(film.given, film.redundancy, films, _UNLIKELY):
+            wrong.setdefault((film.adjustment.summary.group, _wrong_mark(film, films)), []).append(film)
+    most_first = sorted(found.items(), key=lambda item: -len(item[1]))
+    misnamed = [_warning(group, finding, alike) for (group, finding), alike in most_first]
+    return misnamed + [_of_wrong_mark(mark, alike, films) for (_, mark), alike in wrong.items()]
+
+
+def _film(adjustment: MarkAdjustment) -> _Film | None:
+    used = ~adjustment.marks.disregarded
+    measured, given = adjustment.marks.measured[used], adjustment.given[used]
+    if len(measured) <= MARKS_NEEDED[adjustment.kind]:
+        return None
+    sums = [
+        (_square_sum(adjustment.kind, measured, given[order.marks], order.turned_over), order)
+        for order in _orders(given)
+    ]
+    (as_given, _), *_ = sums
+    best, order = min(sums, key=lambda pair: pair[0])
+    count, kind = len(given), adjustment.kind
+    exchanged = {}
+    for pair in combinations(range(count), 2):
+        marks = np.arange(count)
+        marks[list(pair)] = pair[::-1]
+        exchanged[pair] = _square_sum(kind, measured, given[marks], False)
+    rest = [np.delete(np.arange(count), row) for row in range(count)] if count - 1 > MARKS_NEEDED[kind] else []
+    without = {row: _square_sum(kind, measured[kept], given[kept], False) for row, kept in enumerate(rest)}
+    return _Film(adjustment, as_given, best, order, exchanged, without)
+
+
+def _orders(given: FloatArray) -> Iterator[_Order]:
+    """Yield the orders in which the marks around a film may be named; the one as given first."""
+    centred = given - given.mean(axis=0)
+    around = np.argsort(np.arctan2(centred[:, 1], centred[:, 0]))
+    count = len(given)
+    for turned_over in (False, True):
+        for shift in range(count):
+            marks = np.empty(count, dtype=np.int64)
+            marks[around] = around[(shift + (-1 if turned_over else 1) * np.arange(count)) % count]
+            yield _Order(marks, turned_over)
+
+
+def _square_sum(kind: str, measured: FloatArray, given: FloatArray, turned_over: bool) -> float:
+    """Return the square sum of residuals of a transformation; infinite where it would have to stretch the film."""
+    centred, target = measured - measured.mean(axis=0), given - given.mean(axis=0)
+    if kind == "A":
+        matrix, *_ = np.linalg.lstsq(centred, target, rcond=None)
+        scales = np.hypot(*matrix)
+        if not 1.0 / _STRETCHED < scales[0] / scales[1] < _STRETCHED:
+            return np.inf
+        return float(np.sum((centred @ matrix - target) ** 2))
+    if turned_over:
+        centred = centred * [-1.0, 1.0]
+    a, b = centred @ [1.0, 1j], target @ [1.0, 1j]
+    factor = np.vdot(a, b) / np.vdot(a, a)
+    if kind == "W":
+        factor /= abs(factor)
+    return float(np.sum(np.abs(factor * a - b) ** 2))
+
+
+def _is_misnamed(film: _Film, films: Sequence[_Film]) -> bool:
+    if film.best >= film.given:
+        return False
+    return not film.is_likely(film.given, film.redundancy, films, _UNLIKELY) and film.is_likely(
+        film.best, film.redundancy, films, _LIKELY
+    )
+
+
+def _finding(film: _Film) -> str:
+    """Return how the film probably lay, and which marks are meant."""
+    used = np.flatnonzero(~film.adjustment.marks.disregarded)
+    names = [film.adjustment.marks.names[row] for row in used]
+    pairs = [f"{name} is {names[row]}" for name, row in zip(names, film.order.marks, strict=True) if names[row] != name]
+    listed = ", ".join(pairs[:_LISTED]) + (", …" if len(pairs) > _LISTED else "")
+    return f"lay {_how(film, used)} and its marks were named by where they lay: {listed}"
+
+
+def _warning(group: str, finding: str, films: Sequence[_Film]) -> ProjectWarning:
+    owner, what, marks = ("template", "template", "tick") if group == "templates" else ("photo", "film", "fiducial")
+    names = [film.adjustment.summary.name for film in films]
+    first = films[0]
+    text = (
+        f"the {marks} marks do not fit as they are named ({_rms(first.given, first)} mm), but they would "
+        f"({_rms(first.best, first)} mm) if the {what} {finding}; give marks the names that they have on the {what}"
+    )
+    return ProjectWarning(MISNAMED_MARKS, counted_names(owner, names), text)
+
+
+def _how(film: _Film, used: IntArray) -> str:
+    """Return how the film probably lay."""
+    given = film.adjustment.given[used]
+    if film.order.turned_over:
+        return "upside down (a mirror image, as of a scan with the emulsion up)"
+    a, b = (given - given.mean(axis=0)) @ [1.0, 1j], (given[film.order.marks] - given.mean(axis=0)) @ [1.0, 1j]
+    turn = round(float(np.degrees(np.angle(np.vdot(b, a)))) / 90.0) * 90 % 360
+    return f"turned by {turn}°" if turn else "turned"
+
+
+def _rms(square_sum: float, film: _Film) -> str:
+    if not np.isfinite(square_sum):
+        square_sum = float(np.sum(film.adjustment.residuals[~film.adjustment.marks.disregarded] ** 2))
+    freedom = 2 * int(np.count_nonzero(~film.adjustment.marks.disregarded)) - PARAMETERS[film.adjustment.kind]
+    return f"{np.sqrt(square_sum / freedom):.3g}"
+
+
+# ------------------------------------------------------------------------------------------------------- single marks
+
+
+def _wrong_mark(film: _Film, films: Sequence[_Film]) -> str:
+    """Return the names of two marks that are exchanged, or of the one without which the others fit; "" for neither."""
+    pair, square_sum = min(film.exchanged.items(), key=lambda item: item[1])
+    if film.is_likely(square_sum, film.redundancy, films, _LIKELY):
+        return " and ".join(sorted(film.names[row] for row in pair))
+    if not film.without:
+        return ""
+    row, square_sum = min(film.without.items(), key=lambda item: item[1])
+    return film.names[row] if film.is_likely(square_sum, film.redundancy - 2, films, _LIKELY) else ""
+
+
+def _of_wrong_mark(mark: str, alike: Sequence[_Film], films: Sequence[_Film]) -> ProjectWarning:
+    """Return a warning of films in which the same mark does not fit, or the same two are exchanged."""
+    group = alike[0].adjustment.summary.group
+    owner, record, kind = ("template", "temtick", "tick") if group == "templates" else ("photo", "camera", "fiducial")
+    where = counted_names(owner, [film.adjustment.summary.name for film in alike])
+    own = sum(film.adjustment.summary.group == group for film in films)
+    in_all = len(alike) > 1 and len(alike) > _IN_ALL * own
+    first = alike[0]
+    as_given = f"the {kind} marks do not fit ({_rms(first.given, first)} mm)"
+    if not mark:
+        text = (
+            f"{as_given}: one of them is measured or given wrong, and which one cannot be told; measure them again, "
+            f"and compare their coordinates in the [[{record}]] of orip.toml"
+        )
+    elif " and " in mark:
+        square_sum = min(first.exchanged.values())
+        text = (
+            f"{as_given}, but they would ({_rms(square_sum, first)} mm) if {mark} were exchanged: exchange their names "
+            f"{f'in the [[{record}]] of orip.toml, or ' if in_all else ''}in the measurements"
+        )
+    else:
+        text = _of_single(mark, alike, in_all, kind, record)
+    return ProjectWarning(MISREAD_MARK, where, text)
+
+
+_IN_ALL = 0.5
+"""Part of all films from which a mark is given wrong, and not measured wrong."""
+
+
+def _of_single(mark: str, alike: Sequence[_Film], in_all: bool, kind: str, record: str) -> str:
+    off = np.mean([_off(film, film.names.index(mark)) for film in alike], axis=0)
+    film = alike[0]
+    rest = film.without[film.names.index(mark)]
+    others = float(np.sqrt(rest / (film.redundancy - 2)))
+    text = (
+        f"{kind} mark {mark} does not fit: it is off by x {off[0]:+.3f}, y {off[1]:+.3f} mm, the others fit within "
+        f"{others:.2g} mm"
+    )
+    if not in_all:
+        return f"{text}; measure it again, or disregard it (- at the end of its line)"
+    given = film.adjustment.given[list(film.adjustment.marks.names).index(mark)]
+    slips = [
+        f"{axis} = {value:.10g} {slip}"
+        for axis, value, by in zip("xy", given.tolist(), off.tolist(), strict=True)
+        if abs(by) > _LARGE * others and (slip := slip_of_pen(value, value + by, _LARGE * others)) is not None
+    ]
+    where = f"its coordinates in the [[{record}]] of orip.toml are wrong"
+    return f"{text}; {where}: {joined(slips)}" if slips else f"{text}; {where}: correct them"
+
+
+_LARGE = 5.0
+"""Standard errors of the other marks that a coordinate is off by where it is wrong."""
+
+
+def _off(film: _Film, row: int) -> FloatArray:
+    """Return by what a mark is measured off from where it is given (2,), mm, with the transformation of the others."""
+    used = ~film.adjustment.marks.disregarded
+    measured, given = film.adjustment.marks.measured[used], film.adjustment.given[used]
+    kept = np.delete(np.arange(len(given)), row)
+    transformation = fit_plane_transformation(film.adjustment.kind, measured[kept], given[kept])
+    return np.asarray(transformation.apply(measured[[row]])[0] - given[row])

@@ -1,0 +1,126 @@
+"""Heights of the control and of the stations that differ by a pole, an instrument or an antenna, not by a system.
+
+A difference of a metre or two is taken up by the principal distance where that is unknown, and bends the rest: the
+control is then tried without its heights, and with them as the block sees them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from orip.arrays import FloatArray
+from orip.bundle.results.solution import solution_of
+from orip.bundle.solve import SolvedBlock
+from orip.errors import ProjectWarning
+from orip.mistakes.camera_values import other_principal_distance
+from orip.mistakes.hypothesis import DECIDED, Readjuster, fit_of_adjustment, is_good
+from orip.mistakes.stations.doubted_camera import are_doubted, has_positions, is_better
+from orip.mistakes.stations.misread_positions import HEIGHT_OFFSET
+from orip.records.block import Block
+from orip.records.results.solution import Solution
+from orip.structs import replace
+from orip.wording import counted_names
+
+_FEWEST = 3
+"""Heights that do not agree by chance."""
+
+_LEAST, _MOST = 0.3, 10.0
+"""Metres: less is in the errors, more a system of heights."""
+
+_ARM = 3.0
+"""Metres that an antenna is above its camera at most: stations that are too high by less have a lever arm."""
+
+_ALIKE = 0.2
+"""Spread of the differences, as a part of their median, at most."""
+
+
+def heights_apart(solution: Solution, solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
+    """Return that the heights of the control and of the stations differ by a constant, if all else fits then.
+
+    Parameters
+    ----------
+    solution : Solution
+    solved : SolvedBlock
+        The adjustment that it comes from.
+    readjuster : Readjuster
+        Of the block as gathered.
+    """
+    block = readjuster.block
+    can_be_told = readjuster.is_worthwhile and has_positions(block) and block.ground_unit == "m"
+    if not (can_be_told and are_doubted(solution)) or block.constant_points[:, 2].any():
+        return []
+    free = readjuster.adjust(_with_heights(block, None))
+    if free is None or not free.converged:
+        return []
+    off = _heights_off(block, free)
+    if len(off) < _FEWEST:
+        return []
+    by = float(np.median(off))
+    if not ((by > _LEAST or -by > _ARM) and abs(by) < _MOST and float(np.median(np.abs(off - by))) < _ALIKE * abs(by)):
+        return []
+    tried = readjuster.adjust(_with_heights(block, by))
+    if tried is None or not (is_better(tried, solved) and is_good(fit_of_adjustment(tried))):
+        return []
+    if are_doubted(solution_of(tried)):
+        return []
+    return _camera_instead(tried, readjuster) or [_warning(block, by)]
+
+
+def _camera_instead(shifted: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
+    """Return that a held principal distance is wrong, if all fits as well with another one as with other heights.
+
+    That takes nothing from what was surveyed; a difference of heights is said only where it alone explains the block.
+    """
+    block = readjuster.block
+    cost = shifted.weighing.cost(shifted.equations)
+    for row, camera in enumerate(block.cameras):
+        if "C" in camera.unknown:
+            continue
+        for hypothesis in other_principal_distance(block, row):
+            tried = readjuster.adjust(hypothesis.block)
+            if tried is not None and tried.converged and tried.weighing.cost(tried.equations) < cost + DECIDED:
+                return hypothesis.findings(tried)
+    return []
+
+
+def _with_heights(block: Block, by: float | None) -> Block:
+    """Return a block whose control is lower by a constant, or has no heights."""
+    points = []
+    for point in block.control_points:
+        (x, y, z), errors = point.coordinates, point.errors
+        if z is None:
+            points.append(point)
+        elif by is None:
+            points.append(replace(point, coordinates=(x, y, None), errors=(*errors[:2], None)))
+        else:
+            points.append(replace(point, coordinates=(x, y, z - by)))
+    return replace(block, control_points=tuple(points))
+
+
+def _heights_off(block: Block, free: SolvedBlock) -> FloatArray:
+    """Return by how much the heights of the control are above those of the block."""
+    place = free.block.point_index()
+    found = free.block.ground.to_project(free.state.points)[:, 2]
+    return np.array(
+        [
+            point.coordinates[2] - found[place[point.name]]
+            for point in block.control_points
+            if point.name in place and point.kind == "control" and point.coordinates[2] is not None
+        ]
+    )
+
+
+def _warning(block: Block, by: float) -> ProjectWarning:
+    names = [point.name for point in block.control_points if point.kind == "control"]
+    if by > 0.0:
+        side, cause = "high", "the height of the pole or the instrument above the mark was probably not taken off"
+    else:
+        side, cause = "low", "the height of the pole was probably taken off twice, or that of an antenna added"
+    text = (
+        f"their heights are all about {abs(by):.1f} m too {side}, compared with those of the exposure stations, and "
+        f"all fits with {-by:+.1f} m: {cause}; correct Z of the control (or of the stations), or use one system of "
+        "heights"
+    )
+    held = [camera.name for camera in block.cameras if "C" not in camera.unknown]
+    text += f'; if the heights are right, C of camera {held[0]} is wrong: set unknown = ["C"]' if held else ""
+    return ProjectWarning(HEIGHT_OFFSET, counted_names("control point", names), text)
