@@ -20,6 +20,9 @@ LEAST_GAIN = 0.0005
 TESTABLE = 0.03
 """Least redundancy number of an observation that may lose its weight."""
 
+_LEAST_FACTOR = 1e-3
+"""By which a residual is divided where its weight changes."""
+
 
 class LinearAdjustment(Struct, frozen=True):
     """c observations of a linear adjustment.
@@ -129,9 +132,11 @@ class Ways(Struct, frozen=True):
         the others contribute to the cost is taken as unchanged. Infinite for all that cannot be changed.
         """
         weights, gains = self._other_weights(limit), np.full(self.weight.shape, np.inf)
-        places = np.nonzero(weights != self.weight)
+        # cofactors of hundreds of changes may have lost all digits
+        factors = 1.0 + (weights - self.weight) * self.leverage
+        places = np.nonzero((weights != self.weight) & (factors > _LEAST_FACTOR))
         now, then, residual = self.weight[places], weights[places], self.residual[places]
-        factor = 1.0 + (then - now) * self.leverage[places]
+        factor = factors[places]
         moved = residual / factor
         before = danish_costs(np.abs(residual), limit) - now * residual**2 / 2.0
         after = danish_costs(np.abs(moved), limit) - then * moved**2 / 2.0
