@@ -112,6 +112,22 @@ class Forecast(Struct, frozen=True):
         return float(np.nanmedian(found)) if np.isfinite(found).any() else float("nan")
 
     @property
+    def reliability_of_points(self) -> tuple[FloatArray, FloatArray]:
+        """Return for each point the smallest blunder found (n,), mm, in the photo coordinate where it is largest.
+
+        And the most that such a blunder, not found, changes a result (n,), in standard deviations. Infinite where none
+        would be found.
+        """
+        found, rays = reliability_of(self.solution), self.solved.block.photo_points
+        place = {name: row for row, name in enumerate(self.solution.points.names)}
+        rows = np.array([place.get(name, -1) for name in self.solved.block.point_names], dtype=np.int64)[rays.point]
+        values = np.full((2, len(place)), -np.inf)
+        for largest, each in zip(values, (found.minimal_detectable_bias, found.external), strict=True):
+            of_rays = np.where(np.isnan(each), np.inf, each)[: 2 * len(rows)].reshape(-1, 2).max(axis=1)
+            np.maximum.at(largest, rows[rows >= 0], of_rays[rows >= 0])
+        return values[0], values[1]
+
+    @property
     def external(self) -> float:
         """Return the median of the most that such a blunder changes a result, in standard deviations."""
         found = reliability_of(self.solution).external[: 2 * len(self.solved.block.photo_points.photo)]

@@ -1,4 +1,4 @@
-"""The page of a plan: map with footprints, overlap, standard deviations of heights, and the profile of the flight."""
+"""The page of a plan: maps of footprints, overlap, precision and reliability, and the profile of the flight."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _MOST = 9
 
 _STYLE = """
 .plan-path{fill:none;stroke:#37527a;stroke-width:1.2}.plan-photo{fill:#37527a}
-.plan-foot{fill:#37527a0a;stroke:#37527a55;stroke-width:.5}.plan-control{fill:#b3261e}
+.plan-foot{fill:#37527a0a;stroke:#37527a55;stroke-width:.5}.plan-point{fill:#37527a66;stroke:#37527a;stroke-width:.5}.plan-control{fill:#b3261e}
 .plan-border{fill:none;stroke:#b3261e;stroke-width:1.5;stroke-dasharray:6 3}
 """
 
@@ -65,7 +65,7 @@ def plan_page(
     parts = [
         ("Exposures and what they show", _map(plane, places, feet[shown], found, border, names)),
         ("Number of photos that show each part of the ground", _overlap(plane, feet[shown], names)),
-        (f"Standard deviation of Z of the points ({unit})", _deviations(plane, found, names)),
+        *((head, _at_points(plane, found, values, names)) for head, values in _of_points(found, unit)),
         ("Heights of exposures and of the ground below them", _profile(places, terrain, unit)),
     ]
     rows = "".join(f"<tr><th>{escape(what)}</th><td>{escape(figure)}</td></tr>" for what, figure in facts)
@@ -140,20 +140,37 @@ def _overlap(plane: MapPlane, feet: FloatArray, names: Sequence[str]) -> str:
     return f'{shown}<div class="key" aria-hidden="true">{swatches}</div>'
 
 
-def _deviations(plane: MapPlane, found: Forecast, names: Sequence[str]) -> str:
-    """Return a map of points, the larger the less certain their heights, with figures at the extremes."""
-    points, sd = found.solution.points.values, found.point_sd[:, 2]
-    known = np.isfinite(sd)
-    if not known.any():
-        return "<p>No height is determined.</p>"
-    at, sizes = plane.place(points[known, :2]), sd[known] / float(np.median(sd[known]))
-    drawn = [
-        element("circle", f"<title>{value:.4f}</title>", cx=x, cy=y, r=float(min(2.0 * size, 12.0)), class_="plan-foot")
-        for (x, y), size, value in zip(at.tolist(), sizes.tolist(), sd[known].tolist(), strict=True)
+def _of_points(found: Forecast, unit: str) -> list[tuple[str, FloatArray]]:
+    """Return what is drawn at the points, and its values (n,)."""
+    sd = found.point_sd
+    bias, external = found.reliability_of_points
+    return [
+        (
+            f"Standard deviation of the points in plan, X and Y together ({unit})",
+            np.hypot(sd[:, 0], sd[:, 1]),
+        ),
+        (f"Standard deviation of Z of the points ({unit})", sd[:, 2]),
+        ("Smallest blunder that is found in a photo coordinate of the point, where it is largest (mm)", bias),
+        ("What such a blunder, not found, changes a result by at most, in standard deviations of the result", external),
     ]
-    label = f"Map of standard deviations: {sd[known].min():.4g} to {sd[known].max():.4g}"
-    shown = drawing(*plane.size, label, [plane.clipped(drawn), *plane.axes(names)], "map")
-    return f"<p>{escape(label)}; the median is a circle of 2 pixels</p>{shown}"
+
+
+def _at_points(plane: MapPlane, found: Forecast, values: FloatArray, names: Sequence[str]) -> str:
+    """Return a map of the points, each with a circle as large as its value (n,), with the extremes in words."""
+    known = np.isfinite(values)
+    if not known.any():
+        return "<p>Not determined at any point.</p>"
+    at, median = plane.place(found.solution.points.values[known, :2]), float(np.median(values[known]))
+    sizes = 3.0 * values[known] / max(median, 1e-12)
+    drawn = [
+        element("circle", f"<title>{value:.4g}</title>", cx=x, cy=y, r=min(size, 12.0), class_="plan-point")
+        for (x, y), size, value in zip(at.tolist(), sizes.tolist(), values[known].tolist(), strict=True)
+    ]
+    label = f"{values[known].min():.3g} to {values[known].max():.3g}, half of them above {median:.3g}"
+    shown = drawing(*plane.size, f"Map: {label}", [plane.clipped(drawn), *plane.axes(names)], "map")
+    unknown = np.count_nonzero(~known)
+    left = f"; not determined at {unknown} points" if unknown else ""
+    return f"<p>{label} (a circle of 3 pixels){left}</p>{shown}"
 
 
 def _profile(places: FloatArray, terrain: Terrain, unit: str) -> str:

@@ -53,6 +53,21 @@ def test_forecast_is_what_adjustments_of_simulated_flights_say(block, flights):
     assert ratio[-1] == pytest.approx(1.0, abs=0.1)  # C
 
 
+def test_reliability_of_points_is_that_of_their_weakest_coordinate(block):
+    found = forecast(block)
+    bias, external = found.reliability_of_points
+    rows = found.solution.residuals
+    place = {name: row for row, name in enumerate(found.solution.points.names)}
+    expected = np.zeros((2, len(place)))
+    for point, kind, error, r in zip(rows.point, rows.kind, rows.a_priori, rows.redundancy_number, strict=True):
+        if kind == "photo":
+            each = (
+                (NON_CENTRALITY * error / np.sqrt(r), NON_CENTRALITY * np.sqrt((1.0 - r) / r)) if r > 1e-6 else np.inf
+            )
+            expected[:, place[point]] = np.maximum(expected[:, place[point]], each)
+    np.testing.assert_allclose(np.array([bias, external]), expected, rtol=1e-9)
+
+
 def test_forecast_is_the_scatter_of_simulated_flights(block, flights):
     values = np.array([value for value, _ in flights])
     scatter = values.std(axis=0, ddof=1)

@@ -65,7 +65,8 @@ def test_the_page_shows_the_plan_and_loads_nothing(folder):
     text = (folder / name).read_text(encoding="utf-8")
     page = ET.fromstring(text.partition("<body>")[2].partition("</body>")[0])
     drawings = [one for one in page.iter() if one.tag == "svg" and "drawing" in one.get("class", "")]
-    assert len(drawings) == 4
+    assert len(drawings) == 7
+    assert all([one for one in drawn.iter() if one.tag == "circle"] for drawn in drawings[2:6])
     photos = [one for one in drawings[0].iter() if one.get("class") == "plan-photo"]
     assert len(photos) == len(stations(folder))
     assert len([one for one in drawings[0].iter() if one.get("class") == "plan-border"]) == 1
