@@ -8,7 +8,7 @@ of optimal designs (Fedorov 1972, Mitchell 1974).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from msgspec import Struct
@@ -22,6 +22,9 @@ _BETTER = 1e-9
 """Relative fall of the criterion below which an exchange is none."""
 
 _MOST_SWEEPS = 20
+
+_MOST_NUMBERS = 250_000
+"""Covariances of candidates and targets that are looked at together: they stay in the cache."""
 
 _MOST_STARTS, _WORK = 12, 2_000_000
 """Random starts at most, and the product of unknowns, candidates and choices that they may take all together."""
@@ -64,6 +67,15 @@ class Placement(Struct, frozen=True):
     curve: tuple[float, ...]
 
 
+class _Alike(NamedTuple):
+    """Candidates of one shape: places (c,), columns (c, k), rows (c, r, k) and variance (c, r)."""
+
+    places: IntArray
+    columns: IntArray
+    rows: FloatArray
+    variance: FloatArray
+
+
 def place(
     covariance: FloatArray, candidates: Sequence[Candidate], targets: IntArray, count: int, criterion: Criterion
 ) -> Placement:
@@ -97,10 +109,10 @@ def place_greedily(
     """Choose one candidate after the other, each the best with those before it; see `place`."""
     judged = _judged(targets, criterion)
     chosen: list[int] = []
-    matrix = covariance
+    matrix, alike = covariance, _alike(candidates, len(judged))
     curve = [_value(matrix.diagonal()[judged], criterion)]
     for _ in range(count):
-        best = _best(matrix, candidates, judged, criterion, set(chosen))
+        best, _ = _best(matrix, alike, judged, criterion, chosen)
         matrix = _with(matrix, candidates[best])
         chosen.append(best)
         curve.append(_value(matrix.diagonal()[judged], criterion))
@@ -127,36 +139,80 @@ def _exchanged(
 ) -> tuple[list[int], float]:
     """Return where exchanges of one for another end, and the criterion there."""
     chosen = list(start)
-    all_in = with_all(covariance, [candidates[one] for one in chosen])
-    value = _value(all_in.diagonal()[judged], criterion)
+    alike, before = _alike(candidates, len(judged)), np.inf
     for _ in range(_MOST_SWEEPS):
-        before = value
-        for position in range(len(chosen)):
-            matrix = _with(all_in, candidates[chosen[position]], taken_away=True)
-            best = _best(matrix, candidates, judged, criterion, set(chosen) - {chosen[position]})
-            found = _value(_with(matrix, candidates[best]).diagonal()[judged], criterion)
-            if found < value * (1.0 - _BETTER):
-                chosen[position] = best
-                # added up anew, as taking away loses digits
-                all_in = with_all(covariance, [candidates[one] for one in chosen])
-                value = _value(all_in.diagonal()[judged], criterion)
+        # added up anew, as taking away loses digits
+        all_in = with_all(covariance, [candidates[one] for one in chosen])
+        value = _value(all_in.diagonal()[judged], criterion)
         if value >= before * (1.0 - _BETTER):
             break
+        before = value
+        for position, one in enumerate(chosen):
+            without = _with(all_in, candidates[one], taken_away=True)
+            others = [other for other in chosen if other != one]
+            best, found = _best(without, alike, judged, criterion, others)
+            if found < value * (1.0 - _BETTER):
+                chosen[position], value = best, found
+                all_in = _with(without, candidates[best])
     return chosen, value
 
 
-def _best(
-    matrix: FloatArray, candidates: Sequence[Candidate], judged: IntArray, criterion: Criterion, taken: set[int]
-) -> int:
-    """Return the candidate with which the criterion is least."""
-    variances = matrix.diagonal()[judged]
-    values = np.full(len(candidates), np.inf)
+def _alike(candidates: Sequence[Candidate], targets: int) -> list[_Alike]:
+    """Return the candidates in lots of the same shape, as many together as can be looked at with all targets."""
+    by_shape: dict[tuple[int, ...], list[int]] = {}
     for number, candidate in enumerate(candidates):
-        if number in taken:
-            continue
-        gain, middle = _gain(matrix, candidate, judged)
-        values[number] = _value(variances - np.einsum("ij,ij->i", gain @ middle, gain), criterion)
-    return int(np.argmin(values))
+        by_shape.setdefault(candidate.rows.shape, []).append(number)
+    lots = []
+    for (_, unknowns), places in by_shape.items():
+        most = max(_MOST_NUMBERS // (targets * unknowns), 1)
+        for part in (places[first : first + most] for first in range(0, len(places), most)):
+            some = [candidates[number] for number in part]
+            lots.append(
+                _Alike(
+                    np.array(part),
+                    np.array([one.columns for one in some]),
+                    np.array([one.rows for one in some]),
+                    np.array([one.variance for one in some]),
+                )
+            )
+    return lots
+
+
+def _best(
+    matrix: FloatArray,
+    alike: Sequence[_Alike],
+    judged: IntArray,
+    criterion: Criterion,
+    taken: Sequence[int],
+) -> tuple[int, float]:
+    """Return the candidate with which the criterion is least, and the criterion with it."""
+    of_judged = matrix[judged]
+    best, least = -1, np.inf
+    for lot in alike:
+        values = _values_with(lot, matrix, of_judged, matrix.diagonal()[judged], criterion)
+        values[np.isin(lot.places, taken)] = np.inf
+        if (lowest := int(np.argmin(values))) >= 0 and (best < 0 or values[lowest] < least):
+            best, least = int(lot.places[lowest]), float(values[lowest])
+    return best, least
+
+
+def _values_with(
+    lot: _Alike,
+    matrix: FloatArray,
+    of_judged: FloatArray,
+    variances: FloatArray,
+    criterion: Criterion,
+) -> FloatArray:
+    """Return the criterion (c,) with each candidate of a lot; `variances` (t,) are those without it."""
+    candidates, unknowns = lot.columns.shape
+    near = of_judged[:, lot.columns.ravel()].reshape(-1, candidates, unknowns)
+    own = matrix[lot.columns[:, :, None], lot.columns[:, None, :]]
+    gain = np.matmul(np.swapaxes(near, 0, 1), np.swapaxes(lot.rows, 1, 2))
+    noise = lot.variance[:, :, None] * np.eye(lot.variance.shape[1])
+    middle = np.linalg.inv(lot.rows @ own @ np.swapaxes(lot.rows, 1, 2) + noise)
+    fall = np.sum((gain @ middle) * gain, axis=2)
+    kept = np.maximum(variances - fall, 0.0)
+    return np.asarray(np.sqrt(kept.mean(axis=1) if criterion == "mean" else kept.max(axis=1)))
 
 
 def _gain(
