@@ -158,7 +158,7 @@ def exchanges_to_try(
     """
     rows = _rows_to_exchange(equations, weights, layout, limit, among)
     cofactor = factored_rows(equations, weights, normals, layout, rows).cofactor()
-    doubtful = may_lose_weight(equations.residual[rows], weights[rows] * np.diag(cofactor), limit)
+    doubtful = may_lose_weight(equations.residual[rows], weights[rows] * np.diag(cofactor), weights[rows], limit)
     related = _related(cofactor, weights[rows]) | doubtful
     rows, cofactor = rows[related], cofactor[np.ix_(related, related)]
     # the residuals after one more correction with the same normal equations

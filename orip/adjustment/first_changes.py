@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from orip.adjustment.weight_changes import TESTABLE, LinearAdjustment, Ways, begun
+from orip.adjustment.weight_changes import TESTABLE, LinearAdjustment, Ways, are_many, begun
 from orip.adjustment.weights import danish_costs
 from orip.arrays import FloatArray, IntArray
 
@@ -64,8 +64,9 @@ def _hiding_each_other(start: LinearAdjustment, limit: float) -> tuple[IntArray,
     Neighbours that are wrong by the same amount determine their photo together: the residual of either stays small
     without the other one. The pairs are those by which the cost rises least, or falls.
     """
-    leverage = np.diag(start.cofactor)
-    free = 1.0 - leverage
+    if not are_many(start.weight):
+        return np.zeros((0, 2), dtype=np.intp), np.zeros((0, 2))
+    free = 1.0 - np.diag(start.cofactor)
     rows = np.flatnonzero((start.weight >= 1.0) & (free > TESTABLE) & (np.abs(start.residual) > _SMALL * limit))
     first, second = np.triu_indices(len(rows), 1)
     one, other = rows[first], rows[second]

@@ -150,7 +150,7 @@ class Ways(Struct, frozen=True):
         """
         weights = np.where(self.weight < 1.0, 1.0, self.weight)
         in_use = (self.weight >= 1.0) & (1.0 - self.leverage > TESTABLE)
-        in_use &= may_lose_weight(self.residual, self.leverage, limit)
+        in_use &= may_lose_weight(self.residual, self.leverage, self.weight, limit)
         places = np.nonzero(in_use)
         size, leverage = np.abs(self.residual[places]), self.leverage[places]
         weight = np.zeros(len(size))
@@ -172,9 +172,20 @@ def begun(start: LinearAdjustment, ways: int) -> Ways:
     return Ways(start.cofactor, residual, repeated(leverage), weight, np.full(ways, start.square_sum))
 
 
-def may_lose_weight(residual: FloatArray, leverage: FloatArray, limit: float) -> BoolArray:
-    """Return for which observations of full weight the cost may fall without them.
+_MANY = 8
+"""Observations that have lost weight, from which on several may have to change at once."""
 
-    Where an observation alone determines something, nearly, its residual is small however wrong it is.
+
+def are_many(weight: FloatArray) -> bool:
+    """Return whether so many observations (c,) have lost weight that what hides behind others is looked for."""
+    return int(np.count_nonzero(weight < 1.0)) >= _MANY
+
+
+def may_lose_weight(residual: FloatArray, leverage: FloatArray, weight: FloatArray, limit: float) -> BoolArray:
+    """Return for which observations (..., c) of full weight the cost may fall without them.
+
+    Where an observation alone determines something, nearly, its residual is small however wrong it is: that is looked
+    at where many have lost weight.
     """
-    return np.asarray(np.abs(residual) > limit * np.minimum(0.5, 1.0 - leverage))
+    many = np.count_nonzero(weight < 1.0, axis=-1, keepdims=True) >= _MANY
+    return np.asarray(np.abs(residual) > limit * np.where(many, np.minimum(0.5, 1.0 - leverage), 0.5))

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orip.adjustment.first_changes import first_changes
-from orip.adjustment.weight_changes import LEAST_GAIN, LinearAdjustment, begun
+from orip.adjustment.weight_changes import LEAST_GAIN, LinearAdjustment, are_many, begun
 from orip.arrays import FloatArray
 
 _DOUBT = 0.01
@@ -25,9 +25,6 @@ MOST_ROUNDS = 10
 
 _NEARLY = 0.1
 """Part of the square of the limit by which the cost of an end may be above the lowest one to be looked at closely."""
-
-_MANY = 8
-"""Observations that have lost weight, from which on several may have to change at once."""
 
 _HUBER, _CONVEX, _DANISH = 2.0, 20, 15
 """Residual up to which Huber's weights are 1, iterations with them, and iterations of the Danish method after these."""
@@ -64,7 +61,7 @@ def weights_of_lower_cost(start: LinearAdjustment, limit: float, rounds: int = M
     at_first = float(begun(elsewhere, 1).costs(limit)[0])
     other, cost = _lowest_from(elsewhere, _ends(elsewhere, limit), at_first, limit, rounds)
     best, least = (other, cost) if cost < least else (best, least)
-    if least > at_start - LEAST_GAIN * limit**2 and np.count_nonzero(start.weight < 1.0) >= _MANY:
+    if least > at_start - LEAST_GAIN * limit**2 and are_many(start.weight):
         best = _settled_after_first_changes(start, limit)
     doubtful = at_start + _DOUBT * limit**2
     likely = [end.weight for end in first if end.cost < doubtful]
@@ -149,6 +146,8 @@ def _ends(start: LinearAdjustment, limit: float) -> list[_End]:
         ways, held, costs = moved.chosen(going), held[going], lower[going]
     ends += map(_End, costs.tolist(), ways.weight)
     ends.sort(key=itemgetter(0))
+    if not are_many(start.weight):
+        return ends
     nearly = ends[0].cost + _NEARLY * limit**2 if ends else 0.0
     settled = [_settled(start, end, limit) for end in ends[:_MOST_FOUND] if end.cost < nearly]
     return sorted([*settled, *ends[len(settled) :]], key=itemgetter(0))
