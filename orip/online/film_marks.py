@@ -115,7 +115,7 @@ class FilmMarks(Struct, frozen=True):
     def answer(self, name: str) -> str:
         """Return the answer to a measurement or edit of a mark."""
         found = self.residual(name)
-        fit = "" if found is None else f", residual {found[0] * _MICROMETRES:.1f}, {found[1] * _MICROMETRES:.1f} µm"
+        fit = "" if found is None else f", residual {found[0] * _MICROMETRES:z.1f}, {found[1] * _MICROMETRES:z.1f} µm"
         return f"mark {name} is {_WORDS.get(self.state(name), 'measured')}{fit}; {self.told()}"
 
     def shown(self) -> dict[str, Any]:

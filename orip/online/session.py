@@ -219,14 +219,14 @@ class OnlineSession:
         if not self._undo:
             message = "nothing has been measured in this session that could be undone"
             raise UsageError(message)
-        last, found = self._undo[-1], None
+        last, found = self._undo.pop(), None
         if last.what != "POINT":
             self.mark(last.photo, last.what, last.point, last.xy or "KILL")
         elif last.xy is None:
             self.remove(last.photo, last.point)
         else:
             found = self.measure(last.photo, last.point, last.xy)
-        del self._undo[-2:]
+        self._undo.pop()
         return found
 
     def marks(self, photo: str) -> list[FilmMarks]:
@@ -246,7 +246,7 @@ class OnlineSession:
             require_dispensable(self._films, marks, name, to)
             self._edit(to, marks.owner, name, marks.what)
         else:
-            if marks.header not in self._blocks:  # points that are measured from now on come after it
+            if self._blocks.keys() != {marks.header}:  # a mounting of its own: points of before stay on the film
                 self._file.chapter("orip online")
                 self._blocks = {marks.header: {}}
             self._file.put(marks.header, marks.lines(name, to))
@@ -254,7 +254,7 @@ class OnlineSession:
             self._undo.append(_Undo(photo, name, marks.place(name), marks.what))
         self._films, self._seen = mounted_films(self._folder, LOG, "heads"), self._files_now()
         self._begin()  # with other places of all that is measured there
-        return chosen(self._films, photo, what, name)
+        return next(found for found in self.marks(photo) if found.what == what)
 
     def appended(self) -> Iterator[Answer]:
         """Yield answers to what others have written to measurement files since; with other control all begins again.

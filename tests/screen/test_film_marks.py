@@ -10,9 +10,9 @@ import pytest
 pytest.importorskip("PIL.Image")
 pytest.importorskip("cv2")
 
-from cli.command_line import orip  # noqa: E402  # after what it needs
-from screen.film_project import FIDUCIALS, make_film, pixel, tick_pixel  # noqa: E402
-from screen.rendered_project import asked, served  # noqa: E402
+from cli.command_line import orip  # after what it needs
+from screen.film_project import FIDUCIALS, make_film, pixel, tick_pixel
+from screen.rendered_project import asked, served
 
 
 def measure(url: str, name: str, place: tuple[float, float], what: str = "MARK", photo: str = "F1") -> dict:
@@ -102,11 +102,16 @@ def test_marks_that_points_need_stay(tmp_path: Path) -> None:
         x, y = pixel(FIDUCIALS["4"])
         measure(server.url, "4", (x + 2.0, y))
         asked(server.url, "measure", {"photo": "F1", "point": "Q", "x": 200.0, "y": 140.0})
+        measure(server.url, "4", (x, y))
+        asked(server.url, "measure", {"photo": "F1", "point": "R", "x": 160.0, "y": 150.0})
         _, before = asked(server.url, "points", {"photos": [0]})
     with served(tmp_path) as server:
         _, after = asked(server.url, "points", {"photos": [0]})
         assert before == after
-        assert {row[0]: row[1:3] for row in after["photos"]["F1"]["points"]}["Q"] == [200.0, 140.0]
+        found = {row[0]: row[1:3] for row in after["photos"]["F1"]["points"]}
+        assert found["R"] == [160.0, 150.0]
+        # Q stays on the film: its place is that of the orientation in which it was measured
+        assert 0.1 < np.hypot(*np.subtract(found["Q"], [200.0, 140.0])) < 2.0
 
 
 def test_tick_marks_come_first_on_a_template(tmp_path: Path) -> None:
