@@ -11,7 +11,7 @@ from msgspec import Struct, field
 
 from orip.records.camera import Camera
 from orip.records.fields import GROUND_UNIT, Field
-from orip.records.ground import Terrain
+from orip.records.figures import Terrain
 from orip.records.names import record_key
 from orip.records.photo import Photo, Stage, Template, Temtick
 from orip.records.plan import PlanSettings

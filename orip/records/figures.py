@@ -1,4 +1,4 @@
-"""Figures that points lie on: lines, planes, cylinders and levels, their unknowns, and what an adjustment says of them.
+"""What points lie on: lines, planes, cylinders and levels, their unknowns and what is said of them; terrain models.
 
 A figure has an origin among its points and three axes. The third is the direction of a line, the normal of a plane, the
 axis of a cylinder, and Z of a level (points of equal height); the first two are at right angles to it.
@@ -8,12 +8,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping
+from fnmatch import fnmatchcase
 from types import MappingProxyType
-from typing import Final
+from typing import Annotated, Final
 
 from msgspec import Struct
 
 from orip.records.control import FigureKind, FigurePoint
+from orip.records.fields import GROUND_UNIT, Field
 
 FIGURE_PARAMETERS: Final = ("SHIFT1", "SHIFT2", "SHIFT3", "TILT1", "TILT2", "RADIUS")
 """Unknowns: shifts of the origin along the axes, rotations about the first two, and the radius of a cylinder."""
@@ -104,3 +106,37 @@ class FigureEstimate(Struct, frozen=True):
     sd_direction: float
     sd_radius: float
     rms: float
+
+
+class Terrain(Struct, frozen=True):
+    """A terrain model whose heights are observations of points: a table ``[[terrain]]`` of orip.toml.
+
+    Parameters
+    ----------
+    name : str
+    file : str
+        GeoTIFF in the project's system, relative to the project folder.
+    error : float
+        A-priori error of a height.
+    plan_error : float
+        A-priori error of the model's place; on a slope it adds to that of the height.
+    points : tuple of str
+        Names of points that lie on it, ``*`` and ``?`` standing for any letters; empty: all of the bundle.
+    disregard : tuple of str
+        Names of points among these that are only compared with it.
+    """
+
+    name: Annotated[str, Field(example='"DTM"')]
+    file: Annotated[str, Field(shortest=1, example='"terrain.tif"')]
+    error: Annotated[float, Field(least=1e-7, most=1e6, units=(GROUND_UNIT,), example="0.15")]
+    plan_error: Annotated[float, Field(least=0, most=1e6, units=(GROUND_UNIT,), example="0.5")] = 0.0
+    points: Annotated[tuple[str, ...], Field(example='["G*"]')] = ()
+    disregard: Annotated[tuple[str, ...], Field(example='["G17"]')] = ()
+
+    def has(self, point: str) -> bool:
+        """Tell whether a point is said to lie on it."""
+        return not self.points or any(fnmatchcase(point, pattern) for pattern in self.points)
+
+    def disregards(self, point: str) -> bool:
+        """Tell whether a point is only compared with it."""
+        return any(fnmatchcase(point, pattern) for pattern in self.disregard)

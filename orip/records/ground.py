@@ -7,15 +7,14 @@ and the block is adjusted in a Cartesian frame; what relates the two is a `Groun
 from __future__ import annotations
 
 from abc import abstractmethod
-from fnmatch import fnmatchcase
-from typing import Annotated, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from msgspec import Struct
 
 from orip.arrays import BoolArray, FloatArray
 from orip.errors import ProjectWarning
-from orip.records.fields import GROUND_UNIT, Field
+from orip.records.figures import Terrain
 
 
 class ProjectCoordinates(NamedTuple):
@@ -104,40 +103,6 @@ PLAIN = PlainGround()
 
 def _unit_matrices(places: FloatArray) -> FloatArray:
     return np.broadcast_to(np.eye(3), (len(places), 3, 3))
-
-
-class Terrain(Struct, frozen=True):
-    """A terrain model whose heights are observations of points: a table ``[[terrain]]`` of orip.toml.
-
-    Parameters
-    ----------
-    name : str
-    file : str
-        GeoTIFF in the project's system, relative to the project folder.
-    error : float
-        A-priori error of a height.
-    plan_error : float
-        A-priori error of the model's place; on a slope it adds to that of the height.
-    points : tuple of str
-        Names of points that lie on it, ``*`` and ``?`` standing for any letters; empty: all of the bundle.
-    disregard : tuple of str
-        Names of points among these that are only compared with it.
-    """
-
-    name: Annotated[str, Field(example='"DTM"')]
-    file: Annotated[str, Field(shortest=1, example='"terrain.tif"')]
-    error: Annotated[float, Field(least=1e-7, most=1e6, units=(GROUND_UNIT,), example="0.15")]
-    plan_error: Annotated[float, Field(least=0, most=1e6, units=(GROUND_UNIT,), example="0.5")] = 0.0
-    points: Annotated[tuple[str, ...], Field(example='["G*"]')] = ()
-    disregard: Annotated[tuple[str, ...], Field(example='["G17"]')] = ()
-
-    def has(self, point: str) -> bool:
-        """Tell whether a point is said to lie on it."""
-        return not self.points or any(fnmatchcase(point, pattern) for pattern in self.points)
-
-    def disregards(self, point: str) -> bool:
-        """Tell whether a point is only compared with it."""
-        return any(fnmatchcase(point, pattern) for pattern in self.disregard)
 
 
 class HeightGrid(Struct, frozen=True):

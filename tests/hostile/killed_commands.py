@@ -104,7 +104,7 @@ ONLY_READING = frozenset(
         "status", "results", "check", "compare", "dump", "prelim relative", "prelim bridge", "prelim connect",
         "prelim absolute", "prelim show", "camera plot", "observations list", "observations todo", "archive status",
         "archive diff", "restitute show", "plan forecast", "plan compare", "plan place", "plan clock",
-        "plan follow",
+        "plan follow", "imu noise",
         # these write what the plate processor holds, not what is in the project
         "drive goto", "drive where", "drive profile", "drive forward", "drive model", "drive next", "drive watch",
         "drive guide", "drive move", "drive lock", "drive prism", "drive foot", "drive key",

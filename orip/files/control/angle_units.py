@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from orip.records.control import Control
-from orip.records.observation_kinds import ANGULAR_UNKNOWNS
 from orip.structs import replace
 
 
@@ -20,6 +19,8 @@ def in_degrees(control: Control, degrees: float) -> Control:
     """
     if degrees == 1.0:
         return control
+    from orip.records.observation_kinds import ANGULAR_UNKNOWNS  # takes arrays
+
     return replace(
         control,
         elements=tuple(

@@ -14,7 +14,7 @@ from orip.files.project.toml_lines import KeyPath
 from orip.files.text.shown import shown_token
 from orip.records.camera import Camera
 from orip.records.definition import Antenna, BundleDefinition, ReportDetails, StereoModel
-from orip.records.ground import Terrain
+from orip.records.figures import Terrain
 from orip.records.photo import Photo, Template, Temtick
 from orip.records.plan import PlanSettings
 from orip.records.receivers import GnssSettings, ImuSettings
