@@ -27,7 +27,8 @@ from orip.stations.inertial.alignment import align, course_deviation, level_devi
 from orip.stations.inertial.common_errors import common_errors
 from orip.stations.inertial.findings import Named, findings, fix_statistics
 from orip.stations.inertial.samples import EARTH_RADIUS, Fixes, ImuNoise, ImuSamples, Observed, normal_gravity
-from orip.stations.inertial.smoother import Solved, filter_as, smooth
+from orip.stations.inertial.smoother import filter_as, smooth
+from orip.stations.inertial.solution import Solved
 from orip.structs import replace
 
 pytest.importorskip("gtsam", reason="pip install 'orip[ins]'")
