@@ -14,7 +14,7 @@ from orip.mistakes.camera_values import is_possible_view
 from orip.mistakes.marks import misnamed_marks
 from orip.mistakes.names import figures_told, name_warnings, photos_under_two_names
 from orip.mistakes.other_units import control_errors_too_small, millimetres_per_unit
-from orip.mistakes.outside_frame import TURNED_SENSOR, points_outside_frames
+from orip.mistakes.outside_frame import TURNED_SENSOR, exchanged_templates, points_outside_frames
 from orip.mistakes.photo_coordinates import coordinates_in_other_units, find_reduced_pictures
 from orip.records.block import Block
 from orip.records.camera import CAMERA_PARAMETERS, Camera, Sensor
@@ -305,14 +305,15 @@ def measurement_warnings(
         for observations in measured.observations.values()
         for warning in find_reduced_pictures(definitions, observations)
     ]
-    # points in another unit, or from another origin, lie outside; that is no second mistake
+    templates = tuple(exchanged_templates(definitions, measured))
+    # points in another unit, from another origin or another template lie outside; that is no second mistake
     misread = {warning.where for warning in (*units, *reduced)}
-    outside = [warning for warning in outside if not _cameras_of(definitions, warning) & misread]
+    outside = [warning for warning in outside if not (templates or _cameras_of(definitions, warning) & misread)]
     # columns and rows that are exchanged make pixels that are not square
     turned = {warning.where for warning in outside if TURNED_SENSOR in warning.text}
     cameras = (warning for warning in cameras if warning.where not in turned or SQUARE_PIXELS not in warning.text)
     # photos of several bundles are checked once for each bundle
-    marks = (*misnamed_marks(interior.adjustments), *interior.warnings)
+    marks = (*templates, *misnamed_marks(interior.adjustments), *interior.warnings)
     return tuple(dict.fromkeys((*cameras, *units, *reduced, *marks, *outside)))
 
 

@@ -30,6 +30,7 @@ LENGTH_UNITS = {
     1.0 / METRES_PER_FOOT: ("metres", "feet"),
     1e-3: ("millimetres", "metres"),
     1e-2: ("centimetres", "metres"),
+    1e-3 * MILLIMETRES_PER_INCH: ("inches", "metres"),
     1e2: ("metres", "centimetres"),
     1e3: ("metres", "millimetres"),
 }

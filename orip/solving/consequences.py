@@ -21,12 +21,14 @@ from orip.mistakes.exchanged_photos import ANOTHER_FLIGHT
 from orip.mistakes.hypothesis import EXPLAINING_WARNINGS
 from orip.mistakes.marks import MISNAMED_MARKS, MISREAD_MARK
 from orip.mistakes.misread_photos import MIRRORED
+from orip.mistakes.outside_frame import EXCHANGED_TEMPLATES, STRAY_POINTS
 from orip.mistakes.photo_coordinates import COORDINATE_UNIT, RESOLUTION
 from orip.mistakes.photo_precision import PRECISION
 from orip.mistakes.stations.contradicting_positions import CODE as POSITION
 from orip.mistakes.stations.contradicting_positions import SHORT_TEXTS_OF_POSITIONS
 from orip.mistakes.stations.misread_angles import CODE as ANGLES
 from orip.mistakes.stations.misread_antennas import SHORT_TEXTS_OF_ANTENNAS
+from orip.mistakes.stations.misread_pictures import OF_PICTURES
 from orip.mistakes.stations.misread_positions import SHORT_TEXTS_OF_STATIONS
 from orip.mistakes.stations.strips import MOVED
 from orip.mistakes.stations.two_lenses import TWO_LENSES
@@ -40,7 +42,7 @@ GIVEN = "given-orientation"
 _OF_START = (GIVEN, "exchanged-photos", "angle-unit", "control-unit", MIRRORED)
 """Codes of what is said of the values that an adjustment started from."""
 
-MARKS = (MISNAMED_MARKS, MISREAD_MARK)
+MARKS = (MISNAMED_MARKS, MISREAD_MARK, EXCHANGED_TEMPLATES)
 
 OF_STATIONS = frozenset(
     (
@@ -98,6 +100,8 @@ CONSEQUENCES: tuple[Consequence, ...] = (
     Consequence(SHORT_TEXTS_OF_POSITIONS, warnings=(REPLACED, *_OF_START), groups=_GROUND),
     # marks that are wrong bend the pictures
     Consequence(MARKS, warnings=None, groups=(*_GROUND, "check point", "distance", "camera", "photo")),
+    # what explains a picture explains its points
+    Consequence(OF_PICTURES, warnings=(STRAY_POINTS,), of_same_photo=True),
     Consequence((POSITION,), warnings=(GIVEN,), of_same_photo=True),
     # control that is somewhere else takes all photos with it
     Consequence(SHORT_TEXTS_OF_CONTROL, warnings=(REPLACED, *_OF_START), groups=(*_GROUND, "check point", "camera")),

@@ -12,6 +12,7 @@ from orip.adjustment.weights import MEDIAN_OF_NORMAL
 from orip.arrays import FloatArray
 from orip.errors import ProjectWarning
 from orip.mistakes.control.contradicting_control import slip_of_pen
+from orip.records.block import Block
 from orip.records.coded_names import coded
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.results.solution import Solution
@@ -49,6 +50,9 @@ one by one have bent the block a little."""
 
 _EXCHANGED = 0.05
 """Part of the distance of two positions that each may be from where the other photo is, if they are exchanged."""
+
+
+_PLACES = PHOTO_PARAMETERS[:3]
 
 
 class _Position(Struct, frozen=True):
@@ -163,6 +167,33 @@ def scattered_positions(solution: Solution) -> list[ProjectWarning]:
             f"{scatter.max():.{_DIGITS}g} {solution.ground_unit} in the {wrong[0].file} file"
         )
     return [ProjectWarning(SCATTERED, where, text)]
+
+
+def part_of_flight_elsewhere(elsewhere: Solution, block: Block) -> list[ProjectWarning]:
+    """Return that the positions of a part of the flight are off alike, from an adjustment without those of .ELE."""
+    place = {name: row for row, name in enumerate(elsewhere.photos.names)}
+    of_photos: dict[str, dict[str, tuple[float, float]]] = {}
+    for element in block.elements:
+        if element.group == "PHOTO" and element.kind in _PLACES and element.error > 0.0 and element.name in place:
+            of_photos.setdefault(element.name, {})[element.kind] = (element.value, element.error)
+    positions = [
+        _of_elements(elsewhere, place[name], of_photos[name])
+        for name in (photo.name for photo in block.photos)
+        if set(_PLACES) == set(of_photos.get(name, ()))
+    ]
+    if len(positions) < _FEWEST_SCATTERED:
+        return []
+    off = np.array([position.off for position in positions])
+    error = np.median([position.error for position in positions], axis=0)
+    part = _part_of_flight(positions, off, error, elsewhere.ground_unit)
+    return [] if part is None else [part]
+
+
+def _of_elements(elsewhere: Solution, row: int, given: Mapping[str, tuple[float, float]]) -> _Position:
+    values, errors = np.array([given[kind] for kind in _PLACES]).T
+    found, sd = elsewhere.photos.values[row, :3], np.nan_to_num(elsewhere.photos.sd[row, :3])
+    name = elsewhere.photos.names[row]
+    return _Position(name, ".ELE", _PLACES, values, found, np.hypot(errors, sd), errors, True)
 
 
 def _part_of_flight(
