@@ -11,9 +11,10 @@ from orip.interior.definitions import Definitions
 from orip.interior.in_force import Interior
 from orip.interior.mounting import frame_corners
 from orip.mistakes.camera_values import is_possible_view
+from orip.mistakes.errors_too_small import errors_too_small
 from orip.mistakes.marks import misnamed_marks
 from orip.mistakes.names import figures_told, name_warnings, photos_under_two_names
-from orip.mistakes.other_units import control_errors_too_small, millimetres_per_unit
+from orip.mistakes.other_units import millimetres_per_unit
 from orip.mistakes.outside_frame import TURNED_SENSOR, exchanged_templates, points_outside_frames
 from orip.mistakes.photo_coordinates import coordinates_in_other_units, find_reduced_pictures
 from orip.records.block import Block
@@ -335,7 +336,7 @@ def block_warnings(block: Block, control: Control) -> tuple[ProjectWarning, ...]
     """
     # measurements are checked without these
     from orip.bundle.figures import left_out_figures
-    from orip.mistakes.control.free_network import observations_without_weight
+    from orip.mistakes.control.free_network import distances_along_no_axes, observations_without_weight
     from orip.mistakes.stations.strips import missing_strips
 
     names = name_warnings(block, control, block.preliminary)
@@ -343,11 +344,12 @@ def block_warnings(block: Block, control: Control) -> tuple[ProjectWarning, ...]
     told = figures_told(measured, control)
     figures = [point for point in control.figure_points if point.figure not in told]
     names += left_out_figures(figures, measured)
-    errors = control_errors_too_small(block)
+    errors = errors_too_small(block)
     return (
         *photos_under_two_names(block),
         *names,
         *errors,
+        *distances_along_no_axes(block),
         *observations_without_weight(block),
         *missing_strips(block),
     )

@@ -48,6 +48,7 @@ from orip.mistakes.other_units import angles_in_another_unit, errors_too_large
 from orip.mistakes.photo_coordinates import COORDINATE_UNIT, mirrored_alone, mirrored_photos, mirrored_plane
 from orip.mistakes.photo_precision import precision_too_small
 from orip.mistakes.point_numbers import misnamed_points, points_under_two_numbers
+from orip.mistakes.stations.along_flight import along_the_flight
 from orip.mistakes.stations.contradicting_positions import (
     contradicting_positions,
     part_of_flight_elsewhere,
@@ -156,7 +157,7 @@ def _of_all_stations(solution: Solution, solved: SolvedBlock, readjuster: Readju
         return found
     if found := two_lenses(solution, readjuster) or camera_instead_of_stations(solution, solved, readjuster):
         return found
-    return read or heights_apart(solution, solved, readjuster)
+    return read or heights_apart(solution, solved, readjuster) or along_the_flight(solution, solved, readjuster)
 
 
 def _with_found_orientations(readjuster: Readjuster, known: SolvedBlock | None = None) -> SolvedBlock | None:

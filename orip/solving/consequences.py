@@ -15,8 +15,10 @@ from orip.mistakes.camera_values import CAMERA_SIGNS, FAR_FROM_GIVEN, OTHER_LENS
 from orip.mistakes.control.check_points import HEIGHT_SYSTEM
 from orip.mistakes.control.contradicting_distances import DISTANCE_UNIT
 from orip.mistakes.control.distances_alone import CODE as DISTANCE
+from orip.mistakes.control.free_network import DISTANCE_AXES
 from orip.mistakes.control.reduced_control import REDUCED_CONTROL
 from orip.mistakes.control.seen_control import SHORT_TEXTS_OF_CONTROL
+from orip.mistakes.errors_too_small import TOO_SMALL
 from orip.mistakes.exchanged_photos import ANOTHER_FLIGHT
 from orip.mistakes.hypothesis import EXPLAINING_WARNINGS
 from orip.mistakes.marks import MISNAMED_MARKS, MISREAD_MARK
@@ -95,7 +97,8 @@ CONSEQUENCES: tuple[Consequence, ...] = (
     # positions that are wrong lead nowhere, and photos are not where they were given
     Consequence(OF_STATIONS, warnings=(REPLACED, *_OF_START), groups=_GROUND),
     # coordinates in another unit make their errors those of no survey
-    Consequence(SHORT_TEXTS_OF_SYSTEMS, warnings=("error-unit",)),
+    Consequence(SHORT_TEXTS_OF_SYSTEMS, warnings=("error-unit", TOO_SMALL)),
+    Consequence((TOO_SMALL,), groups=(*_GROUND, "check point")),
     Consequence((POSITION,), warnings=(REPLACED,)),
     Consequence(SHORT_TEXTS_OF_POSITIONS, warnings=(REPLACED, *_OF_START), groups=_GROUND),
     # marks that are wrong bend the pictures
@@ -111,6 +114,7 @@ CONSEQUENCES: tuple[Consequence, ...] = (
     # a camera displaces photos along their axes, and these the control
     Consequence((OTHER_LENS, *CAMERA_SIGNS), groups=_GROUND),
     Consequence((DISTANCE_UNIT,), groups=("distance", "exposure station", "control point")),
+    Consequence((DISTANCE_AXES,), groups=("distance",)),
     Consequence((DISTANCE,), groups=("distance",)),
     Consequence((HEIGHT_UNIT,), groups=("camera", "control point")),
 )

@@ -15,6 +15,7 @@ from orip.bundle.rigs.parts import with_parts_on_rigs
 from orip.bundle.rigs.starting import oriented_by_rigs
 from orip.errors import Complaint, InputError, NotSolvableError, ProjectWarning
 from orip.mistakes.checks import block_warnings, measurement_warnings, raise_if_impossible
+from orip.mistakes.misread_photos import MIRRORED
 from orip.mistakes.two_systems import contradicting_ground_systems
 from orip.prelim.ground import orientations_in_frame, points_in_project
 from orip.prelim.similarity.absolute_orientation import NO_CONTROL
@@ -148,7 +149,8 @@ def explained_preliminary_values(block: Block) -> PreliminaryValues:
     from orip.prelim.chain import preliminary_values
 
     values = preliminary_values(block)
-    said = misread_control(values.reading, east_and_north=are_east_and_north(block))
+    mirrored = any(warning.code == MIRRORED for warning in block.warnings)
+    said = misread_control(values.reading, east_and_north=are_east_and_north(block), films_mirrored=mirrored)
     return replace(values, findings=(*said, *values.findings))
 
 

@@ -12,6 +12,7 @@ from orip.adjustment.weights import MEDIAN_OF_NORMAL
 from orip.arrays import FloatArray
 from orip.errors import ProjectWarning
 from orip.mistakes.control.contradicting_control import slip_of_pen
+from orip.mistakes.stations.given_positions import PLACES, GivenPositions, given_positions
 from orip.records.block import Block
 from orip.records.coded_names import coded
 from orip.records.photo import PHOTO_PARAMETERS
@@ -52,9 +53,6 @@ _EXCHANGED = 0.05
 """Part of the distance of two positions that each may be from where the other photo is, if they are exchanged."""
 
 
-_PLACES = PHOTO_PARAMETERS[:3]
-
-
 class _Position(Struct, frozen=True):
     """The observed coordinates (k,) of a photo's position, k to 3, and as the block has them.
 
@@ -77,9 +75,10 @@ class _Position(Struct, frozen=True):
 
     @property
     def wrong(self) -> list[int]:
-        """Return the places of the components that are off, and not hardly beside another one."""
+        """Return the places of the components that are off, and not hardly beside another one; at least one."""
         off = np.abs(self.off)
-        return np.flatnonzero((off > _TOLERANCE * self.error) & (off > _BESIDE * off.max())).tolist()
+        certain = np.flatnonzero((off > _TOLERANCE * self.error) & (off > _BESIDE * off.max())).tolist()
+        return certain or [int(np.argmax(off / self.error))]
 
 
 def contradicting_positions(solution: Solution) -> list[ProjectWarning]:
@@ -172,28 +171,21 @@ def scattered_positions(solution: Solution) -> list[ProjectWarning]:
 def part_of_flight_elsewhere(elsewhere: Solution, block: Block) -> list[ProjectWarning]:
     """Return that the positions of a part of the flight are off alike, from an adjustment without those of .ELE."""
     place = {name: row for row, name in enumerate(elsewhere.photos.names)}
-    of_photos: dict[str, dict[str, tuple[float, float]]] = {}
-    for element in block.elements:
-        if element.group == "PHOTO" and element.kind in _PLACES and element.error > 0.0 and element.name in place:
-            of_photos.setdefault(element.name, {})[element.kind] = (element.value, element.error)
-    positions = [
-        _of_elements(elsewhere, place[name], of_photos[name])
-        for name in (photo.name for photo in block.photos)
-        if set(_PLACES) == set(of_photos.get(name, ()))
-    ]
-    if len(positions) < _FEWEST_SCATTERED:
+    given = given_positions(block)
+    observed = [row for row, name in enumerate(given.photos) if name in place and given.errors[row].min() > 0.0]
+    if len(observed) < _FEWEST_SCATTERED or given.file != ".ELE":
         return []
+    positions = [_elsewhere(elsewhere, place[given.photos[row]], given, row) for row in observed]
     off = np.array([position.off for position in positions])
     error = np.median([position.error for position in positions], axis=0)
     part = _part_of_flight(positions, off, error, elsewhere.ground_unit)
     return [] if part is None else [part]
 
 
-def _of_elements(elsewhere: Solution, row: int, given: Mapping[str, tuple[float, float]]) -> _Position:
-    values, errors = np.array([given[kind] for kind in _PLACES]).T
-    found, sd = elsewhere.photos.values[row, :3], np.nan_to_num(elsewhere.photos.sd[row, :3])
-    name = elsewhere.photos.names[row]
-    return _Position(name, ".ELE", _PLACES, values, found, np.hypot(errors, sd), errors, True)
+def _elsewhere(elsewhere: Solution, photo: int, given: GivenPositions, row: int) -> _Position:
+    found, sd = elsewhere.photos.values[photo, :3], np.nan_to_num(elsewhere.photos.sd[photo, :3])
+    errors = given.errors[row]
+    return _Position(given.photos[row], given.file, PLACES, given.given[row], found, np.hypot(errors, sd), errors, True)
 
 
 def _part_of_flight(

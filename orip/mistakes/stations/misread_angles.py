@@ -98,8 +98,8 @@ def _errors_in_radians(angles: _Angles, off: float) -> list[ProjectWarning]:
         return []
     given = np.degrees(usual)
     text = (
-        f"their OMEGA, PHI and KAPPA in the {angles.file} file are right, but not their a-priori errors: these, usually "
-        f"{given:.2g} degrees, seem to be in radians; write degrees: multiply them by {DEGREES_PER_RADIAN:.6g}"
+        f"their OMEGA, PHI and KAPPA in the {angles.file} file are right, but not their a-priori errors: these, "
+        f"usually {given:.2g} degrees, seem to be in radians; write degrees: multiply them by {DEGREES_PER_RADIAN:.6g}"
     )
     return [ProjectWarning(CODE, angles.where, text)]
 
