@@ -13,6 +13,7 @@ from msgspec import Struct
 from orip.errors import ProjectWarning
 from orip.mistakes.camera_values import CAMERA_SIGNS, FAR_FROM_GIVEN, OTHER_LENS
 from orip.mistakes.control.check_points import HEIGHT_SYSTEM
+from orip.mistakes.control.contradicting_control import CODE as CONTROL
 from orip.mistakes.control.contradicting_distances import DISTANCE_UNIT
 from orip.mistakes.control.distances_alone import CODE as DISTANCE
 from orip.mistakes.control.free_network import DISTANCE_AXES
@@ -27,7 +28,7 @@ from orip.mistakes.outside_frame import EXCHANGED_TEMPLATES, STRAY_POINTS
 from orip.mistakes.photo_coordinates import COORDINATE_UNIT, RESOLUTION
 from orip.mistakes.photo_precision import PRECISION
 from orip.mistakes.stations.contradicting_positions import CODE as POSITION
-from orip.mistakes.stations.contradicting_positions import SHORT_TEXTS_OF_POSITIONS
+from orip.mistakes.stations.contradicting_positions import SCATTERED, SHORT_TEXTS_OF_POSITIONS
 from orip.mistakes.stations.misread_angles import CODE as ANGLES
 from orip.mistakes.stations.misread_antennas import SHORT_TEXTS_OF_ANTENNAS
 from orip.mistakes.stations.misread_pictures import OF_PICTURES
@@ -98,7 +99,9 @@ CONSEQUENCES: tuple[Consequence, ...] = (
     Consequence(OF_STATIONS, warnings=(REPLACED, *_OF_START), groups=_GROUND),
     # coordinates in another unit make their errors those of no survey
     Consequence(SHORT_TEXTS_OF_SYSTEMS, warnings=("error-unit", TOO_SMALL)),
-    Consequence((TOO_SMALL,), groups=(*_GROUND, "check point")),
+    Consequence(
+        (TOO_SMALL,), warnings=(SCATTERED, POSITION, CONTROL, PRECISION, REPLACED), groups=(*_GROUND, "check point")
+    ),
     Consequence((POSITION,), warnings=(REPLACED,)),
     Consequence(SHORT_TEXTS_OF_POSITIONS, warnings=(REPLACED, *_OF_START), groups=_GROUND),
     # marks that are wrong bend the pictures

@@ -30,7 +30,7 @@ from orip.solving.consequences import REPLACED, groups_that_follow
 from orip.structs import replace
 
 FIRST_CAUSES = {
-    OTHER_SPELLING, GROUND_SYSTEM, IN_DEGREES, FREE_DATUM, DISTANCE_AXES, RESOLUTION, UNREAD_FILE,
+    OTHER_SPELLING, GROUND_SYSTEM, IN_DEGREES, FREE_DATUM, DISTANCE_AXES, TOO_SMALL, RESOLUTION, UNREAD_FILE,
 }  # fmt: skip
 """Warnings about the input that are listed first: misfits of the adjustment may be their consequence."""
 

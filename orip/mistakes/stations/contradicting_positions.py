@@ -153,7 +153,7 @@ def scattered_positions(solution: Solution) -> list[ProjectWarning]:
     apart = float(np.median(np.linalg.norm(np.diff([position.found for position in positions], axis=0), axis=1)))
     text = (
         f"their positions scatter by {scatter.max():.{_DIGITS}g} {solution.ground_unit} about those of the photos, "
-        f"{(scatter / given).max():.{_DIGITS}g} times their a-priori errors: "
+        f"{(scatter / given).max():.3g} times their a-priori errors: "
     )
     size = float(np.linalg.norm(scatter))
     if size > _OF_NEIGHBOURS * apart:
