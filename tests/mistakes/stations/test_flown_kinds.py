@@ -229,3 +229,21 @@ def test_templates_are_told_from_points_beside_the_film_where_no_stage_is_given(
 def test_errors_of_a_good_survey_are_none_too_small(tmp_path: Path, ending: str) -> None:
     project = camera_advice.sound(ending)
     assert complaints(orip(project.write(tmp_path / "block"), "run", "--no-report")) == 0
+
+
+def test_errors_of_angles_in_radians_are_told_from_wrong_angles(tmp_path: Path) -> None:
+    folder = camera_advice.sound("STA with angles").write(tmp_path / "block")
+    replace_in(folder / "T.STA", " 0.05 0.05 0.1", " 0.00087 0.00087 0.00175")
+    first = said_first(orip(folder, "run", "--no-report"))
+    assert "seem to be in radians" in first, first
+    assert "multiply them by 57.2958" in first
+
+
+def test_angles_of_a_gimbal_are_named(tmp_path: Path) -> None:
+    project = camera_advice.sound("STA with angles")
+    # looking down a gimbal has pitch -90, and its heading runs clockwise from north
+    for name, (omega, phi, kappa) in project.angles.items():
+        project.angles[name] = np.array([phi, omega - 90.0, -kappa % 360.0])
+    first = said_first(orip(project.write(tmp_path / "block"), "run", "--no-report"))
+    assert "of a gimbal" in first, first
+    assert "add 90 to the pitch, and write 'ANGLES ROLL PITCH HEADING'" in first
