@@ -145,7 +145,7 @@ def _square_sum(kind: str, measured: FloatArray, given: FloatArray, turned_over:
     if kind == "A":
         matrix, *_ = np.linalg.lstsq(centred, target, rcond=None)
         scales = np.hypot(*matrix)
-        if not 1.0 / _STRETCHED < scales[0] / scales[1] < _STRETCHED:
+        if not scales.max() < _STRETCHED * scales.min():  # zero where marks of a square are exchanged
             return np.inf
         return float(np.sum((centred @ matrix - target) ** 2))
     if turned_over:

@@ -16,6 +16,7 @@ from orip.files.text.regular_file import natural_key
 from orip.images.matching.one_point import Transfer
 from orip.interior.mounting import frame_corners
 from orip.online.answers import State, words_of
+from orip.online.film_marks import MarkEdit
 from orip.online.measurements import ray_error
 from orip.online.measuring import Measuring
 from orip.online.point_views import (
@@ -218,6 +219,20 @@ class ServedSession:
         for name in found.keys() & seen_photos.keys():
             found[name]["up"] = (seen_photos[name].to_log.matrix @ seen_photos[name].upwards()).tolist()
         return found
+
+    def marks(self, photo: str) -> list[Document]:
+        """Return the fiducial and tick marks in the image of a photo, with places as in a measurement file."""
+        with self._lock:
+            return [marks.shown() for marks in self._session.marks(photo)]
+
+    def mark(self, photo: str, what: str, name: str, to: tuple[float, float] | MarkEdit) -> Document:
+        """Measure a fiducial or tick mark, or edit it; return what the marks give then, as an answer of the session."""
+        with self._lock:
+            marks = self._session.mark(photo, what, name, to)
+            self._kept = None
+            reply = {"photo": photo, "mark": name, "state": marks.state(name), "text": marks.answer(name)}
+            self.page.answered(reply)
+            return reply
 
     def control(self) -> list[str]:
         """Return the names of the points with control."""

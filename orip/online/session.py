@@ -16,43 +16,20 @@ from orip.files.log.writing import DECIMALS, LogFile, edit_line, measurement_lin
 from orip.geometry.plane import PlaneTransformation
 from orip.interior.in_force import stored_to_log
 from orip.online.answers import Answer, words_of
-from orip.online.first_photos import THOROUGH
+from orip.online.film_marks import FilmMarks, MarkEdit, chosen, marks_of, require_dispensable
+from orip.online.first_photos import THOROUGH, solution_of_what_is_measured
 from orip.online.measurements import left_to_the_adjustment, places_of
 from orip.online.measuring import Measuring
 from orip.online.online_block import OnlineBlock
 from orip.online.requests import Background, Operation
 from orip.records.measurement import EditRecord, PhotoObservations, TextPlace, no_observations
 from orip.records.names import record_key
-from orip.records.results.solution import Solution
 from orip.structs import replace
 from orip.workflow.adjust.gathering import block_input_so_far
 from orip.workflow.observations.films import mounted_films
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.outputs import remove_leftovers_of_kills
-from orip.workflow.project.run_id import changed_inputs
-from orip.workflow.project.state import read_state
 from orip.workflow.project.texts import EDITS_FILE
-from orip.workflow.steps import inputs_now
-
-_ENDED = ("converged", "doubtful")
-"""What is doubtful about a solution shows in a session again."""
-
-
-def solution_of_what_is_measured(bundle: BundleState) -> Solution | None:
-    """Return the last solution of a bundle if it has converged and nothing that it was computed from has changed.
-
-    Parameters
-    ----------
-    bundle : BundleState
-        With definitions, what is measured, and heads.
-    """
-    head = bundle.state.head(bundle.name)
-    if head is None or head.status not in _ENDED or changed_inputs(head.inputs, inputs_now(bundle)):
-        return None
-    solution = read_state(bundle.project, ["solutions"], [bundle.name]).solution(bundle.name)
-    # another run may have replaced it meanwhile
-    return solution if solution is not None and solution.run == head.run else None
-
 
 # The log is authoritative, as everywhere: what a session knows follows from the measurement files, and a session that
 # is started again after a crash is where it was. Lines that others append to measurement files are taken as
@@ -69,13 +46,16 @@ ANSWERED_WITHIN_S = 0.05
 _DECIMALS = 9
 """Decimals of typed coordinates that count: a millionth of a millimetre shows in the last printed digits."""
 
+What = Literal["POINT", "MARK", "TICK"]
+
 
 class _Undo(Struct, frozen=True):
-    """How the last request is undone: what was measured of a point in a photo before it; None: nothing."""
+    """How the last request is undone: what was measured of a point or mark in a photo before it; None: nothing."""
 
     photo: str
     point: str
     xy: tuple[float, float] | None
+    what: What = "POINT"
 
 
 class OnlineSession:
@@ -239,14 +219,42 @@ class OnlineSession:
         if not self._undo:
             message = "nothing has been measured in this session that could be undone"
             raise UsageError(message)
-        last = self._undo.pop()
-        if last.xy is None:
+        last, found = self._undo.pop(), None
+        if last.what != "POINT":
+            self.mark(last.photo, last.what, last.point, last.xy or "KILL")
+        elif last.xy is None:
             self.remove(last.photo, last.point)
-            found = None
         else:
             found = self.measure(last.photo, last.point, last.xy)
         self._undo.pop()
         return found
+
+    def marks(self, photo: str) -> list[FilmMarks]:
+        """Return the marks that can be measured in the image of a photo."""
+        return marks_of(self._films, self._films.photo(photo))
+
+    def mark(self, photo: str, what: str, name: str, to: tuple[float, float] | MarkEdit) -> FilmMarks:
+        """Write the place of a fiducial or tick mark, or an edit, to the log; return what the marks give then.
+
+        Raises
+        ------
+        UsageError
+            If there is no such mark, or what is measured needs it; nothing is written then.
+        """
+        marks = chosen(self._films, photo, what, name)
+        if isinstance(to, str):
+            require_dispensable(self._films, marks, name, to)
+            self._edit(to, marks.owner, name, marks.what)
+        else:
+            if self._blocks.keys() != {marks.header}:  # a mounting of its own: points of before stay on the film
+                self._file.chapter("orip online")
+                self._blocks = {marks.header: {}}
+            self._file.put(marks.header, marks.lines(name, to))
+        if to not in ("DISREGARD", "INCLUDE"):
+            self._undo.append(_Undo(photo, name, marks.place(name), marks.what))
+        self._films, self._seen = mounted_films(self._folder, LOG, "heads"), self._files_now()
+        self._begin()  # with other places of all that is measured there
+        return next(found for found in self.marks(photo) if found.what == what)
 
     def appended(self) -> Iterator[Answer]:
         """Yield answers to what others have written to measurement files since; with other control all begins again.
@@ -373,9 +381,9 @@ class OnlineSession:
         self._file.put(header, lines.values())
         self._seen = self._files_now()
 
-    def _edit(self, action: Literal["KILL", "DISREGARD", "INCLUDE"], photo: str, point: str) -> None:
+    def _edit(self, action: MarkEdit, owner: str, name: str, what: What = "POINT") -> None:
         place = TextPlace(self._films.shown_log, 0)
-        record = EditRecord(place, action, "POINT", self.bundle.name, photo, point)
+        record = EditRecord(place, action, what, self.bundle.name if what == "POINT" else None, owner, name)
         self._file.edit(edit_line(record))
         self._blocks.clear()
         self._seen = self._files_now()

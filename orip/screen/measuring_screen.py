@@ -8,13 +8,14 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 
 from orip.errors import InputError, OripError
 from orip.images.matching.one_point import Transfer
 from orip.images.tiles import TILE, TileName, TileStore, level_count
+from orip.screen.asked import one_of, word
 from orip.screen.plates import Plate
 from orip.screen.proposals import propose
 from orip.web.page_server import Document, RequestError
@@ -23,6 +24,10 @@ _NEWS_EVERY_S = 0.25
 """Seconds after which is looked for what others have written to measurement files."""
 
 _MOST_MISFITS = 200
+
+_EDITS: Mapping[str, Literal["KILL", "DISREGARD", "INCLUDE"]] = {
+    "remove": "KILL", "exclude": "DISREGARD", "include": "INCLUDE",
+}  # fmt: skip
 
 _DECIMALS = 4
 """Of pixels that are measured."""
@@ -48,6 +53,14 @@ class MeasuringSession(Protocol):
 
     def points(self, photos: Iterable[str]) -> Document | None:
         """Return by photo its points as in a measurement file, and what is up; None while that is being changed."""
+
+    def marks(self, photo: str) -> list[Document]:
+        """Return the fiducial and tick marks in the image of a photo: `what`, `owner`, `text` and `marks`."""
+
+    def mark(
+        self, photo: str, what: str, name: str, to: tuple[float, float] | Literal["KILL", "DISREGARD", "INCLUDE"]
+    ) -> Document:
+        """Measure a fiducial or tick mark, or edit it, and return the answer."""
 
     def control(self) -> list[str]:
         """Return the names of the points with control."""
@@ -94,6 +107,8 @@ class MeasuringScreen:
             "include": lambda asked: self._of_point("include", asked),
             "undo": lambda _: self._reply({"do": "undo"}),
             "points": self._points,
+            "marks": self._marks,
+            "mark": self._mark,
             "views": self._views,
             "propose": self._propose,
             "ray": self._ray,
@@ -145,6 +160,11 @@ class MeasuringScreen:
         return self._store.tile(plate.stored, TileName(level, column, row))
 
     def _measure(self, asked: Document) -> Document:
+        plate, x, y = self._place(asked)
+        return self._reply({"do": "measure", "photo": plate.photo, "point": asked.get("point"), "x": x, "y": y})
+
+    def _place(self, asked: Document) -> tuple[Plate, float, float]:
+        """Return where is measured, as in a measurement file."""
         plate, pixel = self._usable(asked), _pixel(asked)
         if not (0.0 <= pixel[0] <= plate.size[0] and 0.0 <= pixel[1] <= plate.size[1]):
             message = f"the place is outside of the image of photo {plate.photo}"
@@ -154,7 +174,26 @@ class MeasuringScreen:
         except InputError as error:
             raise RequestError(str(error)) from error
         x, y = (round(value, _DECIMALS) for value in plate.to_log(pixel))
-        return self._reply({"do": "measure", "photo": plate.photo, "point": asked.get("point"), "x": x, "y": y})
+        return plate, x, y
+
+    def _mark(self, asked: Document) -> Document:
+        """Measure a mark, remove it, leave it out or take it back."""
+        do = one_of(asked, "do", ("measure", *_EDITS))
+        what, name = one_of(asked, "what", ("MARK", "TICK")), word(asked, "name")
+        plate = self._usable(asked)
+        to = self._place(asked)[1:] if do == "measure" else _EDITS[do]
+        try:
+            return self._session.mark(plate.photo, what, name, to)
+        except OripError as error:
+            raise RequestError(str(error)) from error
+
+    def _marks(self, asked: Document) -> Document:
+        plate = self._plate(asked)
+        groups = [] if plate.fault else self._session.marks(plate.photo)
+        for mark in (mark for group in groups for mark in group["marks"]):
+            for key in ("measured", "expected"):
+                mark[key] = mark[key] and plate.to_pixel(mark[key])
+        return {"photo": plate.photo, "groups": groups}
 
     def _of_point(self, do: str, asked: Document) -> Document:
         return self._reply({"do": do, "photo": asked.get("photo"), "point": asked.get("point")})
@@ -176,7 +215,7 @@ class MeasuringScreen:
         return {"photo": one["photo"], "point": one["point"], "x": x, "y": y, "text": one["text"]}
 
     def _views(self, asked: Document) -> Document:
-        point = _name(asked, "point")
+        point = word(asked, "point")
         views, difference = self._session.views(point)
         shown = [self._view(view, plate) for view in views if (plate := self._plates.get(view.photo)) is not None]
         return {"point": point, "views": shown, "control": difference}
@@ -196,7 +235,7 @@ class MeasuringScreen:
     def _propose(self, asked: Document) -> Document:
         plate, pixel = self._usable(asked), _pixel(asked)
         try:
-            transfers = self._session.transferred(plate.photo, plate.to_log(pixel), _name(asked, "point"))
+            transfers = self._session.transferred(plate.photo, plate.to_log(pixel), word(asked, "point"))
             proposals, faults = propose(self._store, self._plates, plate.photo, pixel, transfers)
         except OripError as error:
             raise RequestError(str(error)) from error
@@ -212,7 +251,7 @@ class MeasuringScreen:
     def _ray(self, asked: Document) -> Document:
         plate, pixel = self._usable(asked), _pixel(asked)
         try:
-            lines = self._session.ray(plate.photo, plate.to_log(pixel), _name(asked, "point"))
+            lines = self._session.ray(plate.photo, plate.to_log(pixel), word(asked, "point"))
         except OripError as error:
             raise RequestError(str(error)) from error
         return {
@@ -257,7 +296,7 @@ class MeasuringScreen:
         return found
 
     def _plate(self, asked: Document) -> Plate:
-        plate = self._plates.get(_name(asked, "photo"))
+        plate = self._plates.get(word(asked, "photo"))
         if plate is None:
             message = f"there is no photo {asked['photo'][:60]}"
             raise RequestError(message)
@@ -275,14 +314,6 @@ def _shown_plate(plate: Plate) -> Document:
     columns, rows = plate.size
     levels = level_count(columns, rows) if not plate.fault else 0
     return {"name": plate.photo, "columns": columns, "rows": rows, "levels": levels, "fault": plate.fault}
-
-
-def _name(asked: Document, key: str) -> str:
-    name = asked.get(key)
-    if not isinstance(name, str) or not name:
-        message = f"'{key}' is missing: give its name"
-        raise RequestError(message)
-    return name
 
 
 def _pixel(asked: Document) -> tuple[float, float]:

@@ -19,6 +19,7 @@ from selenium.webdriver.support.ui import WebDriverWait
 pytest.importorskip("PIL")
 pytest.importorskip("cv2")
 
+from screen.film_project import FIDUCIALS, make_film, pixel
 from screen.rendered_project import NEW, Rendered, make_project, served  # after what it needs
 
 pytestmark = needs_chromium
@@ -125,6 +126,39 @@ def test_a_misfit_is_found_and_measured_again_by_keys_alone(page: Page, rendered
     page.keys("i")
     page.wait(lambda: "fits" in page.text("answer"))
     assert not page.errors()
+
+
+def test_marks_of_film_are_measured_by_clicks_and_by_keys(browser, tmp_path: Path) -> None:
+    with served(make_film(tmp_path)) as server:
+        page = Page(browser, server.url)
+        page.wait(lambda: "measure 3 more marks" in page.text("fit"))
+        page.browser.find_element("css selector", "#marks button").click()
+        for name in ("1", "2"):
+            page.wait(lambda name=name: f"Now fiducial mark {name}" in page.text("fit"))
+            page.click_at(pixel(FIDUCIALS[name]))
+        for name in ("3", "4"):
+            # the page leads to where the next one is expected, by those before it, to the pixel of a click
+            page.wait(lambda name=name: f"Now fiducial mark {name}" in page.text("fit"))
+            page.wait(lambda name=name: page.js("return mark") == pytest.approx(pixel(FIDUCIALS[name]), abs=3.0))
+            page.keys(Keys.ARROW_RIGHT, Keys.ENTER)
+        page.wait(lambda: "oriented by 4 marks, s0" in page.text("fit") and "Now" not in page.text("fit"))
+        assert page.text("marks").count("residual") == 4
+        look_at(page, "marks")
+        page.keys("u")
+        page.wait(lambda: "fiducial 4: not measured" in page.text("marks"))
+        page.keys("f")
+        page.wait(lambda: "Now fiducial mark 4" in page.text("fit"))
+        page.keys(Keys.ENTER)
+        page.wait(lambda: "oriented by 4 marks" in page.text("fit"))
+        page.keys("f", "x")
+        page.wait(lambda: "fiducial 1: left out, residual" in page.text("marks"))
+        page.keys("i")
+        page.wait(lambda: "fiducial 1: measured, residual" in page.text("marks"))
+        page.keys(Keys.ESCAPE, "p")
+        page.wait(lambda: page.js("return !aim && document.activeElement === at('point')"))
+        assert not page.errors()
+    lines = [line.split() for line in (tmp_path / "EDITS.MEA").read_text().splitlines()]
+    assert [line[0] for line in lines if len(line) == 3 and line[0] in FIDUCIALS][:3] == ["1", "2", "3"]
 
 
 def test_an_address_leads_to_a_point_in_a_photo(page: Page, rendered: Rendered) -> None:

@@ -16,9 +16,10 @@ from workflow.small_projects import Point, first_project, replace_in, without_po
 
 from orip.errors import UsageError
 from orip.online import session as session_module
+from orip.online.first_photos import solution_of_what_is_measured
 from orip.online.replies import Reply, reply_to
 from orip.online.requests import read_request
-from orip.online.session import OnlineSession, solution_of_what_is_measured
+from orip.online.session import OnlineSession
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import commit
 from orip.workflow.project.state import read_project

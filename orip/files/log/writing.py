@@ -129,9 +129,9 @@ class LogFile:
         return existing_text(self._path, self._shown) or ""
 
 
-def template_header(template: str, kind: TransformationKind, stage: Stage) -> str:
+def template_header(template: str, kind: TransformationKind, stage: Stage | None) -> str:
     """Return the first line of a block of tick marks."""
-    return f"TEMPLATE {template} {kind} {stage}"
+    return " ".join(["TEMPLATE", template, kind, *([] if stage is None else [stage])])
 
 
 def photo_header(photo: str, kind: TransformationKind) -> str:

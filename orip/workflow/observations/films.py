@@ -21,9 +21,10 @@ from orip.geometry.plane import IDENTITY, PlaneTransformation
 from orip.interior.definitions import Definitions
 from orip.interior.image_coordinates import scan_transformation
 from orip.interior.in_force import Interior, stored_to_log
+from orip.interior.mounting import chosen_marks
 from orip.interior.replay import replay
 from orip.records.definition import BundleDefinition, plan_stages
-from orip.records.measurement import LogRecord, Measured, MeasuredMarks, PhotoRecord, TemplateRecord
+from orip.records.measurement import EditRecord, LogRecord, Measured, MeasuredMarks, PhotoRecord, TemplateRecord
 from orip.records.names import near_names, record_key
 from orip.records.photo import Photo, Scan, Stage, Template
 from orip.structs import replace
@@ -136,7 +137,7 @@ class MountedFilms(Struct, frozen=True, dict=True):
         if found is not None:
             return found.marks
         last = self._last(TemplateRecord, template.name)
-        return _NO_MARKS if last is None else _on_plate(last[1].marks, template.scan)
+        return _NO_MARKS if last is None else _on_plate(self._left(*last), template.scan)
 
     def fiducials_on_plate(self, photo: Photo) -> MeasuredMarks:
         """Return the fiducial marks of a photo as last measured, where they are on the plate now."""
@@ -147,7 +148,7 @@ class MountedFilms(Struct, frozen=True, dict=True):
         mounted = self._last(TemplateRecord, photo.template) if photo.template is not None else None
         if last is None or (mounted is not None and mounted[0] > last[0]):
             return _NO_MARKS
-        return _on_plate(last[1].marks, self.scan_of(photo))
+        return _on_plate(self._left(*last), self.scan_of(photo))
 
     def points_on_plate(self, bundle: str) -> dict[tuple[str, str], Position]:
         """Return by (photo key, point) where measured points of a bundle are on the plate now."""
@@ -170,6 +171,19 @@ class MountedFilms(Struct, frozen=True, dict=True):
             if isinstance(record, kind) and record_key(_owner(record)) == record_key(name):
                 return place, record
         return None
+
+    def _left(self, place: int, record: TemplateRecord | PhotoRecord) -> MeasuredMarks:
+        """Return the marks of the last record of a film without those that were killed since."""
+        what, owner = "TICK" if isinstance(record, TemplateRecord) else "MARK", record_key(_owner(record))
+        killed = {
+            edit.name
+            for edit in self.records[place:]
+            if isinstance(edit, EditRecord)
+            and (edit.action, edit.what) == ("KILL", what)
+            and (edit.owner == "*" or record_key(edit.owner) == owner)
+        }
+        rows = [row for row, name in enumerate(record.marks.names) if not killed & {name, "*"}]
+        return chosen_marks(record.marks, rows)
 
 
 def mounted_films(folder: Path, log: Path, *parts: Part) -> MountedFilms:
