@@ -129,7 +129,9 @@ class Ways(Struct, frozen=True):
         the others contribute to the cost is taken as unchanged. Infinite for all that cannot be changed.
         """
         weights, gains = self._other_weights(limit), np.full(self.weight.shape, np.inf)
-        places = np.nonzero(weights != self.weight)
+        # a change that leaves nothing to determine it by is none
+        changed = (weights != self.weight) & (1.0 + (weights - self.weight) * self.leverage != 0.0)
+        places = np.nonzero(changed)
         now, then, residual = self.weight[places], weights[places], self.residual[places]
         factor = 1.0 + (then - now) * self.leverage[places]
         moved = residual / factor
