@@ -11,10 +11,11 @@ from orip.interior.definitions import Definitions
 from orip.interior.in_force import Interior
 from orip.interior.mounting import frame_corners
 from orip.mistakes.camera_values import is_possible_view
+from orip.mistakes.errors_too_small import errors_too_small
 from orip.mistakes.marks import misnamed_marks
 from orip.mistakes.names import figures_told, name_warnings, photos_under_two_names
-from orip.mistakes.other_units import control_errors_too_small, millimetres_per_unit
-from orip.mistakes.outside_frame import TURNED_SENSOR, points_outside_frames
+from orip.mistakes.other_units import millimetres_per_unit
+from orip.mistakes.outside_frame import TURNED_SENSOR, exchanged_templates, points_outside_frames
 from orip.mistakes.photo_coordinates import coordinates_in_other_units, find_reduced_pictures
 from orip.records.block import Block
 from orip.records.camera import CAMERA_PARAMETERS, Camera, Sensor
@@ -305,14 +306,15 @@ def measurement_warnings(
         for observations in measured.observations.values()
         for warning in find_reduced_pictures(definitions, observations)
     ]
-    # points in another unit, or from another origin, lie outside; that is no second mistake
+    templates = tuple(exchanged_templates(definitions, measured))
+    # points in another unit, from another origin or another template lie outside; that is no second mistake
     misread = {warning.where for warning in (*units, *reduced)}
-    outside = [warning for warning in outside if not _cameras_of(definitions, warning) & misread]
+    outside = [warning for warning in outside if not (templates or _cameras_of(definitions, warning) & misread)]
     # columns and rows that are exchanged make pixels that are not square
     turned = {warning.where for warning in outside if TURNED_SENSOR in warning.text}
     cameras = (warning for warning in cameras if warning.where not in turned or SQUARE_PIXELS not in warning.text)
     # photos of several bundles are checked once for each bundle
-    marks = (*misnamed_marks(interior.adjustments), *interior.warnings)
+    marks = (*templates, *misnamed_marks(interior.adjustments), *interior.warnings)
     return tuple(dict.fromkeys((*cameras, *units, *reduced, *marks, *outside)))
 
 
@@ -334,7 +336,7 @@ def block_warnings(block: Block, control: Control) -> tuple[ProjectWarning, ...]
     """
     # measurements are checked without these
     from orip.bundle.figures import left_out_figures
-    from orip.mistakes.control.free_network import observations_without_weight
+    from orip.mistakes.control.free_network import distances_along_no_axes, observations_without_weight
     from orip.mistakes.stations.strips import missing_strips
 
     names = name_warnings(block, control, block.preliminary)
@@ -342,11 +344,12 @@ def block_warnings(block: Block, control: Control) -> tuple[ProjectWarning, ...]
     told = figures_told(measured, control)
     figures = [point for point in control.figure_points if point.figure not in told]
     names += left_out_figures(figures, measured)
-    errors = control_errors_too_small(block)
+    errors = errors_too_small(block)
     return (
         *photos_under_two_names(block),
         *names,
         *errors,
+        *distances_along_no_axes(block),
         *observations_without_weight(block),
         *missing_strips(block),
     )

@@ -48,8 +48,17 @@ from orip.mistakes.other_units import angles_in_another_unit, errors_too_large
 from orip.mistakes.photo_coordinates import COORDINATE_UNIT, mirrored_alone, mirrored_photos, mirrored_plane
 from orip.mistakes.photo_precision import precision_too_small
 from orip.mistakes.point_numbers import misnamed_points, points_under_two_numbers
-from orip.mistakes.stations.contradicting_positions import contradicting_positions, scattered_positions
-from orip.mistakes.stations.doubted_camera import camera_instead_of_stations, lens_of_doubted_camera
+from orip.mistakes.stations.along_flight import along_the_flight
+from orip.mistakes.stations.contradicting_positions import (
+    contradicting_positions,
+    part_of_flight_elsewhere,
+    scattered_positions,
+)
+from orip.mistakes.stations.doubted_camera import (
+    camera_instead_of_stations,
+    lens_of_doubted_camera,
+    without_positions,
+)
 from orip.mistakes.stations.heights_apart import heights_apart
 from orip.mistakes.stations.misread_angles import misread_angles
 from orip.mistakes.stations.misread_antennas import misread_antennas
@@ -148,7 +157,7 @@ def _of_all_stations(solution: Solution, solved: SolvedBlock, readjuster: Readju
         return found
     if found := two_lenses(solution, readjuster) or camera_instead_of_stations(solution, solved, readjuster):
         return found
-    return read or heights_apart(solution, solved, readjuster)
+    return read or heights_apart(solution, solved, readjuster) or along_the_flight(solution, solved, readjuster)
 
 
 def _with_found_orientations(readjuster: Readjuster, known: SolvedBlock | None = None) -> SolvedBlock | None:
@@ -171,7 +180,17 @@ def _misgiven(elsewhere: SolvedBlock, block: Block) -> list[ProjectWarning]:
 def _shown_elsewhere(solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
     """Return what is wrong in a block that fits with other orientations than the given ones, where these all differ."""
     found = _shown_by_itself(solution_of(solved), solved, fit_of_adjustment(solved), readjuster)
+    if part := _part_elsewhere(readjuster):
+        return part
     return found or misgiven_as_a_whole(compared_with_adjusted(solved, readjuster.block))
+
+
+def _part_elsewhere(readjuster: Readjuster) -> list[ProjectWarning]:
+    """Return that positions of a part of the flight are off alike, if all fits without positions."""
+    without = readjuster.adjust(without_positions(readjuster.block))
+    if without is None or not is_good(fit_of_adjustment(without)):
+        return []
+    return part_of_flight_elsewhere(solution_of(without), readjuster.block)
 
 
 def _shown_by_itself(

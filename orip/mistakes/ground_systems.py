@@ -63,7 +63,15 @@ def are_east_and_north(block: Block) -> bool:
     return bool(0.0 < x < _SIX_DIGITS <= y < 10.0 * _SIX_DIGITS)
 
 
-def misread_control(reading: ControlReading | None, *, east_and_north: bool = False) -> tuple[str, ...]:
+_MIRRORED_FILMS = (
+    "as a mirror image, and fiducial or tick marks show the same: they have the wrong sign of x or of y in the "
+    "[[camera]] (or [[temtick]]) of orip.toml; reverse that sign of all of them"
+)
+
+
+def misread_control(
+    reading: ControlReading | None, *, east_and_north: bool = False, films_mirrored: bool = False
+) -> tuple[str, ...]:
     """Return the sentence about control that fits if read differently; none if there is no such reading.
 
     Parameters
@@ -71,10 +79,14 @@ def misread_control(reading: ControlReading | None, *, east_and_north: bool = Fa
     reading : ControlReading or None
     east_and_north : bool
         By their size X and Y are not exchanged.
+    films_mirrored : bool
+        By their marks photos or templates are mirror images.
     """
     if reading is None:
         return ()
     if reading.reading == "mirror image":
+        if films_mirrored:
+            return (_fits(reading) + _MIRRORED_FILMS,)
         is_of_photos = east_and_north and not reading.changes and reading.side > 0.0
         return (_fits(reading) + (_MIRRORED_PHOTOS if is_of_photos else _reflection(reading)),)
     if reading.reading == "unit of Z":

@@ -190,7 +190,7 @@ _MOST_PHOTO_POINTS = 20_000
 
 EXPLAINING_WARNINGS = {
     "misnamed-marks", "outside-frame", "senseless-camera", "coordinate-unit", "same-photo", "other-spelling",
-    "ground-system", "degrees", "resolution", "misread-mark",
+    "ground-system", "degrees", "resolution", "misread-mark", "exchanged-templates",
 }  # fmt: skip
 """Codes of warnings that already explain a misfit."""
 

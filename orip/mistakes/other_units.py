@@ -30,6 +30,7 @@ LENGTH_UNITS = {
     1.0 / METRES_PER_FOOT: ("metres", "feet"),
     1e-3: ("millimetres", "metres"),
     1e-2: ("centimetres", "metres"),
+    1e-3 * MILLIMETRES_PER_INCH: ("inches", "metres"),
     1e2: ("metres", "centimetres"),
     1e3: ("metres", "millimetres"),
 }
@@ -237,29 +238,6 @@ def measurement_precision_units(block: Block) -> Iterator[Hypothesis]:
         )
         changed = replace(block, photo_points=replace(points, error=points.error * factor))
         yield Hypothesis(changed, finding("error-unit", "orip.toml", text))
-
-
-_BEST_SURVEY = 1e-7
-"""Part of the extent of control that no survey is as good as: a tenth of a millimetre in a kilometre."""
-
-
-def control_errors_too_small(block: Block) -> Iterator[ProjectWarning]:
-    """Yield a warning where control is given errors, not zero, that no survey has."""
-    known = [point for point in block.control_points if point.kind == "control"]
-    coordinates = np.array([point.coordinates for point in known], dtype=np.float64).reshape(-1, 3)
-    errors = np.array([point.errors for point in known], dtype=np.float64).reshape(-1, 3)
-    if len(known) < _FEWEST_OBSERVATIONS or not (np.isfinite(coordinates).all() and (errors > 0.0).all()):
-        return
-    # the middle half: one wrong point, or one with X and Y exchanged, is no extent
-    low, high = np.quantile(coordinates, (0.25, 0.75), axis=0)
-    extent, usual = 2.0 * float((high - low).max()), float(np.median(errors))
-    if usual < _BEST_SURVEY * extent:
-        text = (
-            f"the a-priori errors of control points, {usual:.2g} {block.ground_unit} over {extent:.3g} "
-            f"{block.ground_unit}, are smaller than those of any survey: they hold the block to their errors; write "
-            f"them in {block.ground_unit}, the unit of the coordinates, for example {usual / _MILLI:.2g}"
-        )
-        yield ProjectWarning("error-unit", "control file", text)
 
 
 def control_error_units(block: Block) -> Iterator[Hypothesis]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from orip.geometry.plane import PlaneTransformation
 from orip.interior.definitions import Definitions
 from orip.records.camera import Camera, Sensor
 from orip.records.coded_names import rows_of_records
-from orip.records.measurement import PhotoObservations
+from orip.records.measurement import Measured, PhotoObservations
 from orip.records.names import record_key
 from orip.records.photo import Photo
 from orip.wording import counted_names
@@ -40,6 +41,12 @@ _FULL = 0.9
 """Part of the picture that points reach at least if they were measured all over it."""
 
 TURNED_SENSOR = "; none would if columns and rows were exchanged"
+
+STRAY_POINTS = "points-outside"
+"""Code of the warning that some points of one photo lie outside, which further adjustments may explain."""
+
+_FEWEST_PHOTOS = 3
+"""Photos of a camera of which one is unlike the others."""
 
 _PIXEL = 1.0
 """Tolerance at the edge of a sensor, pixels: some programs count from the centre of the first one."""
@@ -68,6 +75,7 @@ def points_outside_frames(
     return [
         *_off_sensors(definitions, on_sensors, points),
         *_off_films(definitions, on_film, points, to_photo),
+        *_beside_frames(definitions, on_film, points, to_photo),
         *_far_points(definitions, on_film, rows, observations, to_photo),
     ]
 
@@ -88,6 +96,11 @@ def _off_sensors(
         if len(off) <= max(1.0, _FEW * len(of_camera)) and _are_turned(off, points, size):
             yield from _in_portrait(off, points, size)
             continue
+        if len(off) == 1 and len(of_camera) >= _FEWEST_PHOTOS:
+            outside = _off(points[record_key(off[0])], size)
+            if np.mean(outside) < _MOST:
+                yield _stray_points(off[0], outside, sensor)
+                continue
         xy = np.vstack([points[record_key(photo.name)] for photo in of_camera])
         text = (
             f"{_count(_off(xy, size))} lie outside the {sensor.columns} columns and {sensor.rows} rows of the sensor "
@@ -112,6 +125,16 @@ def _off_sensors(
                 f"{lens}"
             )
         yield ProjectWarning("outside-frame", f"camera {definitions.cameras[key].name}", text)
+
+
+def _stray_points(photo: str, outside: NDArray[np.bool_], sensor: Sensor) -> ProjectWarning:
+    lie = "lies" if np.count_nonzero(outside) == 1 else "lie"
+    text = (
+        f"{_count(outside)} {lie} outside the {sensor.columns} columns and {sensor.rows} rows of the sensor, and none "
+        "of the other photos': measured wrong, or the photo was taken with another zoom or lens, or its picture was "
+        "enlarged or cropped; measure them again, give the photo a [[camera]] of its own, or leave it out"
+    )
+    return ProjectWarning(STRAY_POINTS, f"photo {photo}", text)
 
 
 def _has_sides_of_turned(sensor: Sensor) -> bool:
@@ -186,6 +209,59 @@ def _off_films(
             else "fiducial marks or points are those of another photo or mounting; measure the fiducial marks again"
         )
         yield ProjectWarning("outside-frame", where, f"most of the points lie outside the fiducial marks: {cause}")
+
+
+_AT_EDGE, _PART = 0.02, 0.1
+"""Margin at the edge of a film, as part of the extent of its marks, and the part of a photo's points beyond it from
+which the photo is displaced, where those of most other photos all lie within."""
+
+
+def _beside_frames(
+    definitions: Definitions,
+    photos: list[Photo],
+    points: Mapping[str, FloatArray],
+    to_photo: Mapping[str, PlaneTransformation],
+) -> Iterator[ProjectWarning]:
+    """Yield a warning for the photos of a camera whose points are displaced, unlike those of its other photos."""
+    by_camera: dict[str, list[tuple[Photo, NDArray[np.bool_]]]] = {}
+    for photo in photos:
+        key, camera = record_key(photo.name), definitions.camera_of(photo)
+        outside = _beyond_marks(to_photo[key].apply(points[key]), camera, _AT_EDGE)
+        by_camera.setdefault(record_key(photo.camera), []).append((photo, outside))
+    for of_camera in by_camera.values():
+        within = sum(not outside.any() for _, outside in of_camera)
+        displaced = [(photo, outside) for photo, outside in of_camera if _PART < np.mean(outside) <= _MOST]
+        templates = sorted({photo.template for photo, _ in displaced if photo.template})
+        if not templates or within < max(_FEWEST_PHOTOS, 0.5 * len(of_camera)):
+            continue
+        number = sum(int(np.count_nonzero(outside)) for _, outside in displaced)
+        text = (
+            f"{number} of their points lie outside their fiducial marks, unlike those of the other photos: they were "
+            f"measured in another mounting than their marks; check that the tick marks of "
+            f"{counted_names('template', templates)} were measured at each mounting, and under the right name"
+        )
+        yield ProjectWarning("outside-frame", counted_names("photo", [photo.name for photo, _ in displaced]), text)
+
+
+EXCHANGED_TEMPLATES = "exchanged-templates"
+
+
+def exchanged_templates(definitions: Definitions, measured: Measured) -> Iterator[ProjectWarning]:
+    """Yield a warning for each two templates of which each was measured on the stage that the other is on."""
+    on_other = [
+        template
+        for key, template in definitions.templates.items()
+        if key in measured.templates and template.stage and measured.templates[key].stage != template.stage
+    ]
+    for one, other in combinations(on_other, 2):
+        if one.temtick != other.temtick or one.stage == other.stage:
+            continue
+        text = (
+            f"the tick marks of {one.name} were measured on stage {other.stage}, which orip.toml has for {other.name}, "
+            f"and those of {other.name} on {one.stage}: exchange the names in the TEMPLATE lines of the measurements "
+            "(or stage in their [[template]], if the sheets did lie so)"
+        )
+        yield ProjectWarning(EXCHANGED_TEMPLATES, f"templates {one.name} and {other.name}", text)
 
 
 def _far_points(

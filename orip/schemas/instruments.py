@@ -101,9 +101,10 @@ class Gnss(Part, frozen=True):
 
 
 class NoiseFactors(Part, frozen=True):
-    """By which the standard deviations given of unit, positions and velocities were multiplied."""
+    """By which the standard deviations given of the unit's white noise, positions and velocities were multiplied."""
 
-    unit: float
+    gyro: float
+    accelerometer: float
     position: float
     velocity: float
 

@@ -13,20 +13,25 @@ from msgspec import Struct
 from orip.errors import ProjectWarning
 from orip.mistakes.camera_values import CAMERA_SIGNS, FAR_FROM_GIVEN, OTHER_LENS
 from orip.mistakes.control.check_points import HEIGHT_SYSTEM
+from orip.mistakes.control.contradicting_control import CODE as CONTROL
 from orip.mistakes.control.contradicting_distances import DISTANCE_UNIT
 from orip.mistakes.control.distances_alone import CODE as DISTANCE
+from orip.mistakes.control.free_network import DISTANCE_AXES
 from orip.mistakes.control.reduced_control import REDUCED_CONTROL
 from orip.mistakes.control.seen_control import SHORT_TEXTS_OF_CONTROL
+from orip.mistakes.errors_too_small import TOO_SMALL
 from orip.mistakes.exchanged_photos import ANOTHER_FLIGHT
 from orip.mistakes.hypothesis import EXPLAINING_WARNINGS
 from orip.mistakes.marks import MISNAMED_MARKS, MISREAD_MARK
 from orip.mistakes.misread_photos import MIRRORED
+from orip.mistakes.outside_frame import EXCHANGED_TEMPLATES, STRAY_POINTS
 from orip.mistakes.photo_coordinates import COORDINATE_UNIT, RESOLUTION
 from orip.mistakes.photo_precision import PRECISION
 from orip.mistakes.stations.contradicting_positions import CODE as POSITION
-from orip.mistakes.stations.contradicting_positions import SHORT_TEXTS_OF_POSITIONS
+from orip.mistakes.stations.contradicting_positions import SCATTERED, SHORT_TEXTS_OF_POSITIONS
 from orip.mistakes.stations.misread_angles import CODE as ANGLES
 from orip.mistakes.stations.misread_antennas import SHORT_TEXTS_OF_ANTENNAS
+from orip.mistakes.stations.misread_pictures import OF_PICTURES
 from orip.mistakes.stations.misread_positions import SHORT_TEXTS_OF_STATIONS
 from orip.mistakes.stations.strips import MOVED
 from orip.mistakes.stations.two_lenses import TWO_LENSES
@@ -40,7 +45,7 @@ GIVEN = "given-orientation"
 _OF_START = (GIVEN, "exchanged-photos", "angle-unit", "control-unit", MIRRORED)
 """Codes of what is said of the values that an adjustment started from."""
 
-MARKS = (MISNAMED_MARKS, MISREAD_MARK)
+MARKS = (MISNAMED_MARKS, MISREAD_MARK, EXCHANGED_TEMPLATES)
 
 OF_STATIONS = frozenset(
     (
@@ -93,11 +98,16 @@ CONSEQUENCES: tuple[Consequence, ...] = (
     # positions that are wrong lead nowhere, and photos are not where they were given
     Consequence(OF_STATIONS, warnings=(REPLACED, *_OF_START), groups=_GROUND),
     # coordinates in another unit make their errors those of no survey
-    Consequence(SHORT_TEXTS_OF_SYSTEMS, warnings=("error-unit",)),
+    Consequence(SHORT_TEXTS_OF_SYSTEMS, warnings=("error-unit", TOO_SMALL)),
+    Consequence(
+        (TOO_SMALL,), warnings=(SCATTERED, POSITION, CONTROL, PRECISION, REPLACED), groups=(*_GROUND, "check point")
+    ),
     Consequence((POSITION,), warnings=(REPLACED,)),
     Consequence(SHORT_TEXTS_OF_POSITIONS, warnings=(REPLACED, *_OF_START), groups=_GROUND),
     # marks that are wrong bend the pictures
     Consequence(MARKS, warnings=None, groups=(*_GROUND, "check point", "distance", "camera", "photo")),
+    # what explains a picture explains its points
+    Consequence(OF_PICTURES, warnings=(STRAY_POINTS,), of_same_photo=True),
     Consequence((POSITION,), warnings=(GIVEN,), of_same_photo=True),
     # control that is somewhere else takes all photos with it
     Consequence(SHORT_TEXTS_OF_CONTROL, warnings=(REPLACED, *_OF_START), groups=(*_GROUND, "check point", "camera")),
@@ -107,6 +117,7 @@ CONSEQUENCES: tuple[Consequence, ...] = (
     # a camera displaces photos along their axes, and these the control
     Consequence((OTHER_LENS, *CAMERA_SIGNS), groups=_GROUND),
     Consequence((DISTANCE_UNIT,), groups=("distance", "exposure station", "control point")),
+    Consequence((DISTANCE_AXES,), groups=("distance",)),
     Consequence((DISTANCE,), groups=("distance",)),
     Consequence((HEIGHT_UNIT,), groups=("camera", "control point")),
 )

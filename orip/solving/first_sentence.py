@@ -9,9 +9,10 @@ from orip.bundle.verdict import MISTAKE
 from orip.errors import UNREAD_FILE, ProjectWarning
 from orip.mistakes.control.check_points import HEIGHT_SYSTEM, OF_HEIGHT_SYSTEMS
 from orip.mistakes.control.contradicting_distances import DISTANCE_UNIT, OF_DISTANCE_UNITS
-from orip.mistakes.control.free_network import FREE_DATUM
+from orip.mistakes.control.free_network import DISTANCE_AXES, FREE_DATUM
 from orip.mistakes.control.reduced_control import OF_REDUCED_CONTROL, REDUCED_CONTROL
 from orip.mistakes.control.seen_control import SHORT_TEXTS_OF_CONTROL
+from orip.mistakes.errors_too_small import TOO_SMALL
 from orip.mistakes.hypothesis import EXPLAINING_WARNINGS
 from orip.mistakes.names import OTHER_SPELLING
 from orip.mistakes.photo_coordinates import COORDINATE_UNIT, RESOLUTION
@@ -29,7 +30,7 @@ from orip.solving.consequences import REPLACED, groups_that_follow
 from orip.structs import replace
 
 FIRST_CAUSES = {
-    OTHER_SPELLING, GROUND_SYSTEM, IN_DEGREES, FREE_DATUM, RESOLUTION, UNREAD_FILE,
+    OTHER_SPELLING, GROUND_SYSTEM, IN_DEGREES, FREE_DATUM, DISTANCE_AXES, TOO_SMALL, RESOLUTION, UNREAD_FILE,
 }  # fmt: skip
 """Warnings about the input that are listed first: misfits of the adjustment may be their consequence."""
 
@@ -41,6 +42,9 @@ WRONG = {
     PRECISION: OF_PRECISION,
 }  # fmt: skip
 """What the status says of a block that fits, and is wrong nevertheless, by the code of the warning."""
+
+CONTRADICTING = {DISTANCE_AXES, TOO_SMALL}
+"""Codes of what is given so that it contradicts the rest."""
 
 _CONTROL_POINT = "control point "
 
@@ -58,7 +62,10 @@ def judged(
         if found.code in WRONG
     ]
     # measurements that are wrong explain what does not fit, and nothing else is said of it
-    measured = [found for found in gathered if found.code in EXPLAINING_WARNINGS and solution.status == "doubtful"]
+    codes = EXPLAINING_WARNINGS if solution.status == "doubtful" else set()
+    if any(found.code == CONTRADICTION for found in solution.diagnosis):
+        codes = {*codes, *CONTRADICTING}
+    measured = [found for found in gathered if found.code in codes]
     others = [_mistake(found) for found in (*measured, *mistaken, *taken) if found.code not in WRONG]
     status = "doubtful" if wrong and solution.status == "converged" else solution.status
     diagnosis = (*wrong, *_after_causes(solution, (*mistaken, *(gathered if wrong else measured))), *others)

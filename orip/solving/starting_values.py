@@ -15,6 +15,7 @@ from orip.bundle.rigs.parts import with_parts_on_rigs
 from orip.bundle.rigs.starting import oriented_by_rigs
 from orip.errors import Complaint, InputError, NotSolvableError, ProjectWarning
 from orip.mistakes.checks import block_warnings, measurement_warnings, raise_if_impossible
+from orip.mistakes.misread_photos import MIRRORED
 from orip.mistakes.two_systems import contradicting_ground_systems
 from orip.prelim.ground import orientations_in_frame, points_in_project
 from orip.prelim.similarity.absolute_orientation import NO_CONTROL
@@ -114,7 +115,7 @@ def _started_at(
     missing: BoolArray = np.asarray(np.isnan(orientation).any(axis=1))
     oriented_by_chain = any(photo.rotation is not None for photo in values.photos)
     if missing.all() or (missing.any() and not oriented_by_chain):
-        raise NotSolvableError(not_oriented(values))
+        raise NotSolvableError(_all_are_compared(block, values) or not_oriented(values))
     reduced = without_photos(block, missing) if missing.any() else block
     # weighted control starts where its rays meet: wrong coordinates would lead the iterations astray
     placed = {point.name for point in preliminary}
@@ -148,7 +149,8 @@ def explained_preliminary_values(block: Block) -> PreliminaryValues:
     from orip.prelim.chain import preliminary_values
 
     values = preliminary_values(block)
-    said = misread_control(values.reading, east_and_north=are_east_and_north(block))
+    mirrored = any(warning.code == MIRRORED for warning in block.warnings)
+    said = misread_control(values.reading, east_and_north=are_east_and_north(block), films_mirrored=mirrored)
     return replace(values, findings=(*said, *values.findings))
 
 
@@ -181,6 +183,20 @@ def not_oriented(values: PreliminaryValues) -> str:
         advice = _ADVICE_WITHOUT_CONTROL if different[0].endswith(NO_CONTROL) else _ADVICE
         return "\n".join([f"{title}: {different[0]}; {advice}", *values.findings])
     return "\n".join([f"{title}; {_ADVICE}", *different, *values.findings])
+
+
+def _all_are_compared(block: Block, values: PreliminaryValues) -> str:
+    """Return that all control points are check points, where only control lacks; "" if not."""
+    points = block.control_points
+    if not points or not all(photo.how.endswith(NO_CONTROL) for photo in values.photos):
+        return ""
+    if any(error is not None and error >= 0.0 for point in points for error in point.errors):
+        return ""
+    return (
+        f"{len(values.photos)} of {len(values.photos)} photos could not be oriented: all {len(points)} points of the "
+        ".PNT file have negative errors, are check points, and nothing fixes the system of the block; make the errors "
+        'of three or more points positive, or set datum = "free" in the [[bundle]] of orip.toml'
+    )
 
 
 @stage("gathering observations")

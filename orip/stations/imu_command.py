@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
 import typer
+from msgspec.structs import asdict
 
 from orip.cli.options import DryRunOption, Invocation, add_group, command
 from orip.cli.terminal import warning_rows
@@ -212,7 +213,8 @@ def _lines(result: ImuResult) -> Iterator[tuple[str, str]]:
     yield "residual", f"{rms[0]:.0f}, {rms[1]:.0f}, {rms[2]:.0f} mm RMS of the positions (east, north, up)"
     factors = states.factors
     others = f"of positions {factors.position:.2f}, of velocities {factors.velocity:.2f}"
-    yield "noise", f"of the unit {factors.unit:.2f} times what was given, {others}"
+    unit = f"of gyroscopes {factors.gyro:.2f} times what was given, of accelerometers {factors.accelerometer:.2f}"
+    yield "noise", f"{unit}, {others}"
     tested = result.tested[np.isfinite(result.tested)]
     if len(tested):
         ratio = float(np.sqrt(np.mean(tested) / 3.0))
@@ -253,7 +255,7 @@ def _document(result: ImuResult, target: Path, *, dry_run: bool) -> dict[str, ob
         "end": float(result.time[-1]),
         "positions": len(states.residual),
         "residual_rms": np.sqrt(np.mean(states.residual**2, axis=0)).tolist(),
-        "factors": {"unit": factors.unit, "position": factors.position, "velocity": factors.velocity},
+        "factors": asdict(factors),
         "place_sd": np.median(result.place_deviation, axis=0).tolist(),
         "forward": result.is_forward,
         "standing": states.standing,

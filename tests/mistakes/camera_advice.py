@@ -51,6 +51,8 @@ class Project(Struct):
     sensor: tuple[float, float] = SENSOR
     second: tuple[str, ...] = ()
     order: tuple[str, ...] = field(default_factory=tuple)
+    control_error: float = 0.02
+    position_error: float = 0.03
 
     def write(self, folder: Path) -> Path:
         """Write the texts of the project."""
@@ -69,20 +71,23 @@ class Project(Struct):
         for photo, points in self.measured.items():
             log += [f"POINTS MAIN {photo}", *(f"{name} {x:.3f} {y:.3f}" for name, (x, y) in points.items())]
         _write(folder / "T.MEA", log)
-        _write(folder / "T.PNT", [f"{name} {_texts(xyz, 4)} 0.02 0.02 0.02" for name, xyz in self.control.items()])
+        _write(folder / "T.PNT", [self._point(name) for name in self.control])
         if self.ending.startswith("STA"):
             _write(folder / "T.STA", [self._station(name) for name in self.positions])
         elif self.ending == "ELE":
             _write(folder / "T.ELE", [line for name in self.positions for line in self._elements(name)])
         return folder
 
+    def _point(self, name: str) -> str:
+        return f"{name} {_texts(self.control[name], 4)}{f' {self.control_error:g}' * 3}"
+
     def _station(self, name: str) -> str:
         angles = f" {_texts(self.angles[name], 5)} 0.05 0.05 0.1" if self.ending == "STA with angles" else ""
-        return f"{name} {_texts(self.positions[name], 4)} 0.03 0.03 0.03{angles}"
+        return f"{name} {_texts(self.positions[name], 4)}{f' {self.position_error:g}' * 3}{angles}"
 
     def _elements(self, name: str) -> Iterator[str]:
         for kind, value in zip(("X0", "Y0", "Z0"), self.positions[name], strict=True):
-            yield f"{name} PHOTO {kind} {value:.4f} 0.03"
+            yield f"{name} PHOTO {kind} {value:.4f} {self.position_error:g}"
 
 
 def _write(path: Path, lines: list[str]) -> None:

@@ -33,6 +33,8 @@ class Mistake(Struct, frozen=True):
     mend : str
     upto : str
         The command that says it: "measure" (after "init") where it is seen before anything is adjusted, else "run".
+    listed : bool
+        In the documentation; a variant of another one is not.
     """
 
     title: str
@@ -41,18 +43,19 @@ class Mistake(Struct, frozen=True):
     tells: tuple[str, ...]
     mend: str
     upto: str
+    listed: bool = True
 
 
 MISTAKES: dict[str, Mistake] = {}
 
 
 def mistake(
-    title: str, sample: str, *tells: str, mend: str, upto: str = "run"
+    title: str, sample: str, *tells: str, mend: str, upto: str = "run", listed: bool = True
 ) -> Callable[[Callable[[Path], None]], Callable[[Path], None]]:
     """Enter a function that makes a mistake into the catalogue, under its name."""
 
     def enter(make: Callable[[Path], None]) -> Callable[[Path], None]:
-        MISTAKES[make.__name__] = Mistake(title, sample, make, tells, mend, upto)
+        MISTAKES[make.__name__] = Mistake(title, sample, make, tells, mend, upto, listed)
         return make
 
     return enter
@@ -145,7 +148,7 @@ def rows_upwards(folder: Path) -> None:
 
 @mistake(
     "Pixel rows counted upwards, plane object", DCS, "other side of the plane", "rows may count upwards",
-    mend="As above. The adjustment fits: the cameras lie mirrored behind the plane.",
+    mend="As above. The adjustment fits: the cameras lie mirrored behind the plane.", listed=False,
 )  # fmt: skip
 def rows_upwards_on_a_plane(folder: Path) -> None:
     in_logs(folder, lambda _, words: [*words[:2], number(words[2], -1.0, 1024.0)])
@@ -329,7 +332,7 @@ def north_east(folder: Path) -> None:
 
 @mistake(
     "North, east in place of east, north; orientations are given", ZURICH, "X and Y are exchanged", "north, east",
-    mend="Exchange the columns X and Y of the control file.",
+    mend="Exchange the columns X and Y of the control file.", listed=False,
 )  # fmt: skip
 def north_east_against_orientations(folder: Path) -> None:
     in_control(folder, lambda words: [words[0], words[2], words[1], *words[3:]])
@@ -349,7 +352,7 @@ def feet(folder: Path) -> None:
 
 @mistake(
     "Control in feet, orientations in metres", ZURICH, "0.3048", "feet", "orientations in metres",
-    mend="Write both in one unit.",
+    mend="Write both in one unit.", listed=False,
 )  # fmt: skip
 def feet_against_orientations(folder: Path) -> None:
     in_control(folder, in_feet)
@@ -386,7 +389,7 @@ def placeholder_height(folder: Path) -> None:
 
 @mistake(
     "0 for an unknown height, control constant", ZURICH, "control point 121", "Z = 0", "value is not known",
-    mend="Write `-` for the height and its error.",
+    mend="Write `-` for the height and its error.", listed=False,
 )  # fmt: skip
 def placeholder_height_held(folder: Path) -> None:
     in_control(folder, lambda words: [*words[:3], "0", *words[4:]] if words[0] == "121" else words)
@@ -410,7 +413,7 @@ def missing_minus(folder: Path) -> None:
 
 @mistake(
     "Missing minus, control constant", DCS, "control point 11", "probably -0.101895", "sign",
-    mend="Correct it.",
+    mend="Correct it.", listed=False,
 )  # fmt: skip
 def missing_minus_held(folder: Path) -> None:
     in_control(folder, lambda words: [words[0], "0.101895", *words[2:]] if words[0] == "11" else words)
@@ -472,7 +475,7 @@ def precision_in_pixels(folder: Path) -> None:
 
 @mistake(
     "Measurement precision in micrometres", CLIFF, "measurement_precision = 2.2 mm", "write 0.0022",
-    mend="Write mm.",
+    mend="Write mm.", listed=False,
 )  # fmt: skip
 def precision_in_micrometres(folder: Path) -> None:
     in_toml(folder, ("measurement_precision = 0.0022 ", "measurement_precision = 2.2 "))
@@ -480,7 +483,7 @@ def precision_in_micrometres(folder: Path) -> None:
 
 @mistake(
     "Measurement precision in metres", CLIFF, "measurement_precision = 2.2e-06", "metres", "0.0022",
-    mend="Write mm.",
+    mend="Write mm.", listed=False,
 )  # fmt: skip
 def precision_in_metres(folder: Path) -> None:
     in_toml(folder, ("measurement_precision = 0.0022 ", "measurement_precision = 2.2e-6 "))
@@ -501,7 +504,7 @@ def orientations_in_gon(folder: Path) -> None:
 
 @mistake(
     "Preliminary angles in radians", ZURICH, "OMEGA, PHI and KAPPA", "radians", "57.29",
-    mend="Write degrees.",
+    mend="Write degrees.", listed=False,
 )  # fmt: skip
 def orientations_in_radians(folder: Path) -> None:
     path = folder / "orip.toml"
@@ -530,7 +533,7 @@ def directions_in_gon(folder: Path) -> None:
 
 @mistake(
     "Distances in feet", CLIFF, "distances", "0.3048", "feet, and the control in metres",
-    mend="Write both in one unit.",
+    mend="Write both in one unit.", listed=False,
 )  # fmt: skip
 def distances_in_feet(folder: Path) -> None:
     in_control(folder, lambda words: [*words[:4], number(words[4], 1.0 / 0.3048), words[5]], "LEN")
@@ -575,7 +578,7 @@ def hidden_extension(folder: Path) -> None:
 
 @mistake(
     "A measurement file in small letters", CLIFF, "day1.mea", "not read", "*.MEA; rename it",
-    mend="Rename it.", upto="measure",
+    mend="Rename it.", upto="measure", listed=False,
 )  # fmt: skip
 def small_letters(folder: Path) -> None:
     (folder / "DAY1.MEA").rename(folder / "day1.mea")
@@ -591,7 +594,7 @@ def typographic_quotes(folder: Path) -> None:
 
 @mistake(
     "No quotation marks in orip.toml", CLIFF, "orip.toml:4:8", 'quotation marks; write "CLIFF"',
-    mend='Put texts in quotation marks.',
+    mend='Put texts in quotation marks.', listed=False,
 )  # fmt: skip
 def no_quotes(folder: Path) -> None:
     in_toml(folder, ('name = "CLIFF"', "name = CLIFF"))
@@ -624,7 +627,7 @@ def pixel_as_sensor(folder: Path) -> None:
 
 @mistake(
     "Control in centimetres, distances in metres", CLIFF, "distances", "by 100", "the control in centimetres",
-    mend="Write both in one unit.",
+    mend="Write both in one unit.", listed=False,
 )  # fmt: skip
 def control_in_centimetres(folder: Path) -> None:
     in_control(folder, lambda words: [words[0], *(number(word, 100.0) for word in words[1:])])

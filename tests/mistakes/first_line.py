@@ -47,7 +47,7 @@ def write_table() -> None:
     from tempfile import TemporaryDirectory
 
     rows = ["| mistake | what orip says first | how to mend it |\n", "|---|---|---|\n"]
-    for name, mistake in MISTAKES.items():
+    for name, mistake in ((name, mistake) for name, mistake in MISTAKES.items() if mistake.listed):
         with TemporaryDirectory() as folder:
             rows.append(row(mistake, first_line(said_of(mistake, Path(folder) / name))))
     before, rest = DOCUMENT.read_text(encoding="utf-8").split(BEGIN)

@@ -22,7 +22,7 @@ def test_the_first_line_says_what_is_wrong(tmp_path: Path, name: str) -> None:
     line = first_line(said_of(mistake, tmp_path / name))
     for words in mistake.tells:
         assert words in line
-    assert row(mistake, line) in DOCUMENT.read_text(encoding="utf-8"), (
+    assert not mistake.listed or row(mistake, line) in DOCUMENT.read_text(encoding="utf-8"), (
         "docs/mistakes.md has another line; PYTHONPATH=tests python -m mistakes.first_line writes its table again"
     )
 
@@ -30,7 +30,7 @@ def test_the_first_line_says_what_is_wrong(tmp_path: Path, name: str) -> None:
 def test_the_table_has_each_mistake_once_and_nothing_else() -> None:
     table = DOCUMENT.read_text(encoding="utf-8").split(BEGIN)[1].split(END)[0]
     titles = [line.split(" | ")[0].removeprefix("| ") for line in table.splitlines()[2:]]
-    assert titles == [mistake.title for mistake in MISTAKES.values()]
+    assert titles == [mistake.title for mistake in MISTAKES.values() if mistake.listed]
     assert len(titles) == len(set(titles)) >= 20
 
 

@@ -28,7 +28,8 @@ from orip.records.epochs import SECONDS_PER_WEEK
 from orip.stations.inertial.alignment import align
 from orip.stations.inertial.files import ImuForm, read_imu
 from orip.stations.inertial.samples import Fixes, ImuNoise, ImuSamples, LocalGravity, Observed, normal_gravity
-from orip.stations.inertial.smoother import Trajectory, smooth, state_times
+from orip.stations.inertial.smoother import smooth, state_times
+from orip.stations.inertial.solution import Trajectory
 from orip.stations.receiver_files import read_rtklib_pos, read_sbet
 from orip.structs import replace
 
@@ -157,6 +158,30 @@ def test_noise_that_is_said_too_small_is_found(truth):
     assert 3.0 < found.factors.unit < 10.0
     assert found.factors.position == pytest.approx(1.0 / 3.0, rel=0.25)
     within(standardised(found, truth)[0], 1)
+
+
+def test_noise_of_each_kind_of_sensor_is_estimated_by_itself(truth):
+    """The standard deviation of a factor is 1 / sqrt(2 r), with a redundancy r above 20: 0.16 at most."""
+    given = replace(MEMS, gyro=MEMS.gyro * 8.0, accelerometer=MEMS.accelerometer * 50.0)
+    imu, fixes = observed(truth, given, np.random.default_rng(4), interval=0.25, speed=0.05)
+    found = smooth(Observed(imu, fixes, GRAVITY, MEMS, LEVER_ARM)).trajectory.factors
+    assert found.gyro == pytest.approx(8.0, rel=0.35)
+    assert found.accelerometer == pytest.approx(50.0, rel=0.35)
+
+
+def test_redundancy_and_unknowns_are_the_observations(truth):
+    imu, fixes = observed(truth, MEMS, np.random.default_rng(4))
+    solved = smooth(Observed(imu, fixes, GRAVITY, MEMS, LEVER_ARM), estimates_noise=False)
+    residual, covariance = solved.unit_residuals()
+    assert np.sum(residual**2) == pytest.approx(solved.square_sums()["unit"], rel=1e-6)
+    arm = np.hstack([np.cross(np.eye(3), LEVER_ARM).T, np.eye(3)])
+    turned = solved.trajectory.rotation @ arm
+    antenna = turned @ solved.trajectory.chain.covariance[:, :6, :6] @ np.swapaxes(turned, 1, 2)
+    given = np.trace(np.linalg.solve(fixes.covariance, antenna), axis1=1, axis2=2)
+    # of the beginning, 15 observations are at most redundant
+    rest = given.sum() - np.einsum("kii->", covariance)
+    assert 0.0 < rest < 15.0
+    assert (np.linalg.eigvalsh(covariance) > -1e-6).all()
 
 
 # a genuine walk

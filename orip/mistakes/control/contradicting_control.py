@@ -20,6 +20,8 @@ from orip.structs import replace
 # Where the coordinates that the photos see differ from those given by a sign, two digits or a decimal point, or are
 # those of another control point, that is what happened.
 
+CODE = "contradicting-control"
+
 _ERRORS = 4.0
 """Standard errors within which two coordinates are the same."""
 
@@ -106,7 +108,7 @@ def control_warnings(block: Block, seen: SeenCoordinates) -> list[ProjectWarning
             texts[name] = slips
         elif are_few:
             texts[name] = _contradiction_text(point, *seen[name], block.ground_unit)
-    return [ProjectWarning("contradicting-control", f"control point {name}", text) for name, text in texts.items()]
+    return [ProjectWarning(CODE, f"control point {name}", text) for name, text in texts.items()]
 
 
 def _off_alike(points: Mapping[str, ControlPoint], seen: SeenCoordinates, count: int) -> Iterator[str]:

@@ -23,9 +23,11 @@ from orip.records.ground import PlainGround
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.preliminary import ControlReading, PartialBlock
 from orip.structs import replace
-from orip.wording import counted
+from orip.wording import counted, counted_names, joined
 
 FREE_DATUM = "free-datum"
+
+DISTANCE_AXES = "distance-axes"
 
 _FEWEST = 3
 """Points or projection centres that give a block its place, its turn and its scale."""
@@ -58,6 +60,19 @@ def observations_without_weight(block: Block) -> Iterator[ProjectWarning]:
                 "out if they are to place the block; or make their errors negative, which says the same"
             )
             yield ProjectWarning(FREE_DATUM, f"bundle {block.definition.name}", text)
+
+
+def distances_along_no_axes(block: Block) -> Iterator[ProjectWarning]:
+    """Yield a warning of distances along axes of the project in a free network, whose axes are those of a photo."""
+    names = [distance.name for distance in block.distances if distance.code != "XYZ"]
+    is_anywhere = not (block.control_points or block.stations or block.elements or block.directions)
+    if names and block.is_free_network and is_anywhere:
+        codes = joined(sorted({distance.code for distance in block.distances} - {"XYZ"}))
+        text = (
+            f"{codes} is along axes of the project, and those of a free network without coordinates are the axes of "
+            "its first photo: write XYZ for the length in space, in the .LEN file"
+        )
+        yield ProjectWarning(DISTANCE_AXES, counted_names("distance", names), text)
 
 
 def free_network(block: Block) -> Block:

@@ -12,6 +12,8 @@ from orip.adjustment.weights import MEDIAN_OF_NORMAL
 from orip.arrays import FloatArray
 from orip.errors import ProjectWarning
 from orip.mistakes.control.contradicting_control import slip_of_pen
+from orip.mistakes.stations.given_positions import PLACES, GivenPositions, given_positions
+from orip.records.block import Block
 from orip.records.coded_names import coded
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.results.solution import Solution
@@ -73,9 +75,10 @@ class _Position(Struct, frozen=True):
 
     @property
     def wrong(self) -> list[int]:
-        """Return the places of the components that are off, and not hardly beside another one."""
+        """Return the places of the components that are off, and not hardly beside another one; at least one."""
         off = np.abs(self.off)
-        return np.flatnonzero((off > _TOLERANCE * self.error) & (off > _BESIDE * off.max())).tolist()
+        certain = np.flatnonzero((off > _TOLERANCE * self.error) & (off > _BESIDE * off.max())).tolist()
+        return certain or [int(np.argmax(off / self.error))]
 
 
 def contradicting_positions(solution: Solution) -> list[ProjectWarning]:
@@ -150,7 +153,7 @@ def scattered_positions(solution: Solution) -> list[ProjectWarning]:
     apart = float(np.median(np.linalg.norm(np.diff([position.found for position in positions], axis=0), axis=1)))
     text = (
         f"their positions scatter by {scatter.max():.{_DIGITS}g} {solution.ground_unit} about those of the photos, "
-        f"{(scatter / given).max():.{_DIGITS}g} times their a-priori errors: "
+        f"{(scatter / given).max():.3g} times their a-priori errors: "
     )
     size = float(np.linalg.norm(scatter))
     if size > _OF_NEIGHBOURS * apart:
@@ -163,6 +166,26 @@ def scattered_positions(solution: Solution) -> list[ProjectWarning]:
             f"{scatter.max():.{_DIGITS}g} {solution.ground_unit} in the {wrong[0].file} file"
         )
     return [ProjectWarning(SCATTERED, where, text)]
+
+
+def part_of_flight_elsewhere(elsewhere: Solution, block: Block) -> list[ProjectWarning]:
+    """Return that the positions of a part of the flight are off alike, from an adjustment without those of .ELE."""
+    place = {name: row for row, name in enumerate(elsewhere.photos.names)}
+    given = given_positions(block)
+    observed = [row for row, name in enumerate(given.photos) if name in place and given.errors[row].min() > 0.0]
+    if len(observed) < _FEWEST_SCATTERED or given.file != ".ELE":
+        return []
+    positions = [_elsewhere(elsewhere, place[given.photos[row]], given, row) for row in observed]
+    off = np.array([position.off for position in positions])
+    error = np.median([position.error for position in positions], axis=0)
+    part = _part_of_flight(positions, off, error, elsewhere.ground_unit)
+    return [] if part is None else [part]
+
+
+def _elsewhere(elsewhere: Solution, photo: int, given: GivenPositions, row: int) -> _Position:
+    found, sd = elsewhere.photos.values[photo, :3], np.nan_to_num(elsewhere.photos.sd[photo, :3])
+    errors = given.errors[row]
+    return _Position(given.photos[row], given.file, PLACES, given.given[row], found, np.hypot(errors, sd), errors, True)
 
 
 def _part_of_flight(

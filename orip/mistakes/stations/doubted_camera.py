@@ -60,7 +60,7 @@ def camera_instead_of_stations(solution: Solution, solved: SolvedBlock, readjust
     block = readjuster.block
     if not (readjuster.is_worthwhile and has_positions(block) and are_doubted(solution)):
         return []
-    without = readjuster.adjust(_without_positions(block))
+    without = readjuster.adjust(without_positions(block))
     for row in range(len(block.cameras)):
         started = _from_solved(block, solved)
         if found := _best(_signs(started, row), solved, without, readjuster):
@@ -147,7 +147,7 @@ def _from_solved(block: Block, solved: SolvedBlock) -> Block:
     return replace(block, photo_orientation=orientation)
 
 
-def _without_positions(block: Block) -> Block:
+def without_positions(block: Block) -> Block:
     """Return a block without observed positions of photos."""
     stations = tuple(replace(station, position=NOT_GIVEN, position_error=NOT_GIVEN) for station in block.stations)
     elements = tuple(
@@ -189,7 +189,7 @@ def _is_other_lens(tried: SolvedBlock, solved: SolvedBlock, row: int, least_move
 
 def _is_seen_without(hypothesis: Hypothesis, row: int, block: Block, readjuster: Readjuster) -> bool:
     """Tell whether photos and control alone show that the principal distance is another one."""
-    free = readjuster.adjust(_without_positions(hypothesis.block))
+    free = readjuster.adjust(without_positions(hypothesis.block))
     # a photo with another camera of the project leaves its own one out
     if free is None or not free.converged or len(free.block.cameras) != len(block.cameras):
         return False

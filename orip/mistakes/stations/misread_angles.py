@@ -18,6 +18,7 @@ from orip.records.control import NOT_GIVEN, Station
 from orip.records.names import record_key
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.structs import replace
+from orip.units import DEGREES_PER_RADIAN
 from orip.wording import joined
 
 CODE = "station-angles"
@@ -43,6 +44,10 @@ _LEAST = float(np.radians(0.5))
 """Radians that they are off by at least."""
 
 
+_BEST, _ERRORS_ALIKE = float(np.radians(0.003)), 4.0
+"""Radians: errors of angles that no inertial unit has; and the ratio within which they are those that angles show."""
+
+
 class _Angles(Struct, frozen=True):
     """Angles (n, 3) as observed, radians, their mean errors (n,), rows of their photos, and the file."""
 
@@ -50,6 +55,10 @@ class _Angles(Struct, frozen=True):
     given: FloatArray
     error: FloatArray
     file: str
+
+    @property
+    def where(self) -> str:
+        return "exposure stations" if self.file == ".STA" else ".ELE file"
 
 
 def misread_angles(solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
@@ -69,6 +78,8 @@ def misread_angles(solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectW
     if without is None or not is_good(fit_of_adjustment(without)):
         return []
     as_given = _off(angles, angles.given, without, block)
+    if found := _errors_in_radians(angles, as_given):
+        return found
     if as_given < max(_LEAST, _OFF * float(np.median(angles.error))):
         return []
     read = [(_off_rotations(angles, rotations, without, block), text) for text, rotations in _readings(angles)]
@@ -76,8 +87,21 @@ def misread_angles(solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectW
     if least > _REMAINS * as_given:
         return []
     text = next(text for off, text in read if off <= _EQUALLY * least)
-    where = "exposure stations" if angles.file == ".STA" else ".ELE file"
-    return [ProjectWarning(CODE, where, f"their OMEGA, PHI and KAPPA in the {angles.file} file {text}")]
+    return [ProjectWarning(CODE, angles.where, f"their OMEGA, PHI and KAPPA in the {angles.file} file {text}")]
+
+
+def _errors_in_radians(angles: _Angles, off: float) -> list[ProjectWarning]:
+    """Return that the errors of angles are in radians: no instrument is so good, and in degrees they fit."""
+    usual = float(np.median(angles.error))
+    meant = np.degrees(usual)
+    if not (0.0 < usual < _BEST and meant / _ERRORS_ALIKE < off < meant * _ERRORS_ALIKE):
+        return []
+    given = np.degrees(usual)
+    text = (
+        f"their OMEGA, PHI and KAPPA in the {angles.file} file are right, but not their a-priori errors: these, "
+        f"usually {given:.2g} degrees, seem to be in radians; write degrees: multiply them by {DEGREES_PER_RADIAN:.6g}"
+    )
+    return [ProjectWarning(CODE, angles.where, text)]
 
 
 def _observed(block: Block) -> _Angles | None:
@@ -145,6 +169,11 @@ def _readings(angles: _Angles) -> Iterator[tuple[str, FloatArray]]:
         yield f"fit as roll, pitch and heading of the aircraft; {_LINE}", rotation_from_navigation(given)
         text = f"fit as pitch, roll and heading of the aircraft; exchange pitch and roll, and {_LINE}"
         yield text, rotation_from_navigation(given[:, [1, 0, 2]])
+        for turn in (0, 90, -90, 180):
+            text = "fit as roll, pitch and heading of a gimbal, whose pitch is -90 where the camera looks down: "
+            text += f"add 90 to the pitch{f' and {turn} to the heading' if turn else ''}, and {_LINE}"
+            for order, how in (([0, 1, 2], ""), ([1, 0, 2], ", in the order roll, pitch, heading")):
+                yield text + how, rotation_from_navigation(given[:, order] + np.radians([0.0, 90.0, turn]))
     for factor, unit in ANGLE_UNITS.items():
         text = f"fit when they are in {unit}, but angles have to be in degrees; multiply them by {factor:.6g}"
         yield text, rotation_from_angles(given * factor)

@@ -128,7 +128,7 @@ def _late(block: Block, row: int, where: str) -> Hypothesis:
 
     def is_longer_than_arms(solved: SolvedBlock) -> bool:
         offset = abs(float(solved.state.antennas[row, column]) - antenna.time_offset) * _speed(solved, row)
-        return offset > _ARMS[0 if _distance(solved) < _NEAR else 1]
+        return offset > longest_arm(solved)
 
     return Hypothesis(_with_antenna(block, row, replace(antenna, unknown=unknown)), findings, holds=is_longer_than_arms)
 
@@ -137,6 +137,11 @@ def _speed(solved: SolvedBlock, row: int) -> float:
     """Return the usual speed of an antenna, metres a second."""
     places = station_places(solved.block)
     return float(np.median(np.linalg.norm(places.velocity[places.antenna == row], axis=1)))
+
+
+def longest_arm(solved: SolvedBlock) -> float:
+    """Return how long a lever arm may be on board of what flies so high, metres."""
+    return _ARMS[0 if _distance(solved) < _NEAR else 1]
 
 
 def _distance(solved: SolvedBlock) -> float:

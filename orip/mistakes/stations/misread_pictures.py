@@ -18,6 +18,8 @@ from orip.mistakes.stations.doubted_camera import is_better
 from orip.records.block import Block
 from orip.structs import replace
 
+OF_PICTURES = ("turned", "other-zoom")
+
 _MOST = 3
 """Positions of which a picture is tried."""
 

@@ -12,7 +12,7 @@ import numpy as np
 from msgspec import Struct
 
 from orip.arrays import FloatArray
-from orip.stations.inertial.smoother import Solved
+from orip.stations.inertial.solution import Solved
 from orip.structs import replace
 
 _TIME, _LEVER = [0], [1, 2, 3]

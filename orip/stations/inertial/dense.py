@@ -12,7 +12,7 @@ from orip.geometry.ground_ellipsoid import geographic_from_geocentric, place_axe
 from orip.stations.inertial.files import sbet_bytes, smrmsg_bytes
 from orip.stations.inertial.filter import KNOWN_ATTITUDE, Filtered, States
 from orip.stations.inertial.samples import ImuSamples
-from orip.stations.inertial.smoother import Trajectory
+from orip.stations.inertial.solution import Trajectory
 from orip.stations.interpolation import WGS84
 
 

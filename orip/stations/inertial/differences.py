@@ -21,7 +21,7 @@ from msgspec import Struct
 from scipy.optimize import brentq
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.stations.inertial.smoother import Trajectory
+from orip.stations.inertial.solution import Trajectory
 
 _LEAST_TIE, _CLOSEST = 0.05, 1.0 - 1e-6
 """Correlations with which a difference says something, and beyond which its weight has no digits left."""

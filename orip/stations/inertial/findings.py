@@ -14,7 +14,7 @@ from orip.stations.gnss.calendar import moment
 from orip.stations.inertial.common_errors import common_errors, said_of_common_errors
 from orip.stations.inertial.filter import KNOWN_ATTITUDE, Filtered
 from orip.stations.inertial.mistaken_axes import mistaken
-from orip.stations.inertial.smoother import Solved, Trajectory
+from orip.stations.inertial.solution import Solved, Trajectory
 
 _LEAST_CHANGE = 1.0
 """m/s of horizontal velocity changes without which no course is found."""

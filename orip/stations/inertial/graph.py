@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy as np
 from msgspec import Struct
+from msgspec.structs import astuple
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.errors import OripError
 from orip.stations.inertial.alignment import Alignment
-from orip.stations.inertial.samples import Fixes, Observed
+from orip.stations.inertial.samples import Fixes, ImuNoise, Observed
 from orip.stations.inertial.standing import STANDING_DEVIATION
 from orip.structs import replace
 
@@ -26,7 +27,7 @@ _INTEGRATION = 1e-10
 SIZES = {"x": 6, "v": 3, "b": 6}
 """Unknowns of pose, velocity and biases of a state, in their order."""
 
-_SETTLED = 1.1
+_SETTLED = 1.05
 
 
 class Factors(Struct, frozen=True):
@@ -34,24 +35,30 @@ class Factors(Struct, frozen=True):
 
     Parameters
     ----------
-    unit : float
-        Of the noise of the inertial unit.
+    gyro, accelerometer : float
+        Of the white noise of the inertial unit.
     position, velocity : float
         Of those of the receiver.
     """
 
-    unit: float = 1.0
+    gyro: float = 1.0
+    accelerometer: float = 1.0
     position: float = 1.0
     velocity: float = 1.0
 
     def times(self, other: Factors) -> Factors:
         """Return the products."""
-        return Factors(self.unit * other.unit, self.position * other.position, self.velocity * other.velocity)
+        return Factors(*(getattr(self, name) * getattr(other, name) for name in self.__struct_fields__))
+
+    @property
+    def unit(self) -> float:
+        """Return the larger of those of the inertial unit."""
+        return max(self.gyro, self.accelerometer)
 
     @property
     def are_settled(self) -> bool:
         """Return whether none asks for a change that matters."""
-        return all(1.0 / _SETTLED < factor < _SETTLED for factor in (self.unit, self.position, self.velocity))
+        return all(1.0 / _SETTLED < factor < _SETTLED for factor in astuple(self))
 
 
 def load_gtsam() -> Any:
@@ -105,6 +112,10 @@ class Graph:
             covariance=given.covariance * factors.position**2,
             velocity_deviation=given.velocity_deviation * factors.velocity,
         )
+        said = observed.noise
+        self._noise = replace(
+            said, gyro=said.gyro * factors.gyro, accelerometer=said.accelerometer * factors.accelerometer
+        )
         symbol = self.gtsam.symbol_shorthand
         self.x, self.v, self.b = symbol.X, symbol.V, symbol.B
         self._swing = np.cross(observed.imu.mean_rates(given.time), observed.lever_arm)
@@ -139,15 +150,20 @@ class Graph:
         ]
         return [("first", factor) for factor in first] + self.fix_factors(0, self.alignment.rotation)
 
-    def preintegrated(self, at: int, place: FloatArray, bias: Any) -> Any:
-        """Return the samples from the state before to a state; `place` and `bias` are those before it."""
-        noise, gravity, scaled = self.observed.noise, self.observed.gravity, self.factors.unit**2 * np.eye(3)
+    def preintegrated(
+        self, at: int, place: FloatArray, bias: Any, noise: ImuNoise | None = None, integration: float = _INTEGRATION
+    ) -> Any:
+        """Return the samples from the state before to a state; `place` and `bias` are those before it.
+
+        `noise` is that given times its factors, or another.
+        """
+        noise, gravity, unit = noise or self._noise, self.observed.gravity, np.eye(3)
         parameters = self.gtsam.PreintegrationCombinedParams(gravity.at(place))
-        parameters.setGyroscopeCovariance(noise.gyro**2 * scaled)
-        parameters.setAccelerometerCovariance(noise.accelerometer**2 * scaled)
-        parameters.setBiasOmegaCovariance(noise.gyro_walk**2 * scaled)
-        parameters.setBiasAccCovariance(noise.accelerometer_walk**2 * scaled)
-        parameters.setIntegrationCovariance(_INTEGRATION * np.eye(3))
+        parameters.setGyroscopeCovariance(noise.gyro**2 * unit)
+        parameters.setAccelerometerCovariance(noise.accelerometer**2 * unit)
+        parameters.setBiasOmegaCovariance(noise.gyro_walk**2 * unit)
+        parameters.setBiasAccCovariance(noise.accelerometer_walk**2 * unit)
+        parameters.setIntegrationCovariance(integration * unit)
         parameters.setOmegaCoriolis(gravity.earth_rate)
         pim = self.gtsam.PreintegratedCombinedMeasurements(parameters, bias)
         force, rate, duration = self.observed.imu.pieces(float(self.times[at - 1]), float(self.times[at]))
