@@ -11,7 +11,7 @@ from msgspec import Struct
 from orip.arrays import FloatArray, IntArray
 from orip.errors import ProjectWarning
 from orip.geometry.plane import MARKS_NEEDED, PARAMETERS, fit_plane_transformation
-from orip.mistakes.control.contradicting_control import slip_of_pen
+from orip.mistakes.control.slips_of_pen import slip_of_pen
 from orip.records.interior import MarkAdjustment
 from orip.wording import counted_names, joined
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from orip.arrays import FloatArray, IntArray
 from orip.errors import ProjectWarning
@@ -310,6 +309,8 @@ def mirrored_alone(block: Block, solution: Solution) -> list[ProjectWarning]:
         As gathered: with the projection centres that were given.
     solution : Solution
     """
+    from scipy.sparse import csr_array  # measuring takes none
+
     given, found = block.ground.to_project(block.photo_orientation[:, :3]), solution.photos.values[:, :3]
     place = places_of_names(solution.points.names)
     ground = solution.points.values[[place[name] for name in block.point_names]]

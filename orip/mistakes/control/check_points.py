@@ -11,7 +11,7 @@ from msgspec import Struct
 from orip.adjustment.weights import MEDIAN_OF_NORMAL
 from orip.arrays import BoolArray, FloatArray
 from orip.errors import ProjectWarning
-from orip.mistakes.control.contradicting_control import slip_of_pen
+from orip.mistakes.control.slips_of_pen import slip_of_pen
 from orip.records.block import Block
 from orip.records.names import places_of_names
 from orip.records.results.solution import Solution

@@ -8,7 +8,6 @@ import numpy as np
 
 from orip.arrays import IntArray
 from orip.errors import ProjectWarning
-from orip.mistakes.control.contradicting_control import slip_of_pen
 from orip.mistakes.control.distances_alone import (
     CODE,
     TOLERANCE,
@@ -16,6 +15,7 @@ from orip.mistakes.control.distances_alone import (
     give_the_scale_alone,
     other_ends,
 )
+from orip.mistakes.control.slips_of_pen import slip_of_pen
 from orip.mistakes.other_units import LENGTH_UNITS
 from orip.records.block import Block
 from orip.records.coded_names import coded

@@ -14,7 +14,7 @@ from msgspec import Struct
 
 from orip.arrays import BoolArray, FloatArray
 from orip.errors import ProjectWarning
-from orip.mistakes.control.contradicting_control import slip_of_pen
+from orip.mistakes.control.slips_of_pen import slip_of_pen
 from orip.records.block import Block
 from orip.records.coded_names import coded
 from orip.records.control import ControlDistance
