@@ -125,6 +125,10 @@ _ALIKE = ("lever arm", "along the axes", "of strip")
 """Words of contradictions that positions of a flight to and fro have in common."""
 
 
+_STRAIGHT = 0.8
+"""Cosine of the angle between successive bases of one strip, at least."""
+
+
 def scattered_positions(solution: Solution) -> list[ProjectWarning]:
     """Return why most positions of a file are off, each otherwise, or those of a part of the flight alike.
 
@@ -139,12 +143,15 @@ def scattered_positions(solution: Solution) -> list[ProjectWarning]:
         return []
     if len({(position.file, position.components) for position in positions}) > 1:
         return []
-    if any(words in found.text for found in solution.diagnosis for words in _ALIKE):
-        return []
     off = np.array([position.off for position in positions])
     error = np.median([position.error for position in positions], axis=0)
+    is_alike = any(words in found.text for found in solution.diagnosis for words in _ALIKE)
+    if is_alike and not _begins_within_a_strip(positions, _beginning_of_part(off, error)):
+        return []
     if part := _part_of_flight(positions, off, error, solution.ground_unit):
         return [part]
+    if is_alike:
+        return []
     scatter = np.median(np.abs(off - np.median(off, axis=0)), axis=0) / MEDIAN_OF_NORMAL
     given = np.median([position.a_priori for position in positions], axis=0)
     if ((scatter < _SCATTER * given) | (scatter < error)).all():
@@ -188,16 +195,28 @@ def _elsewhere(elsewhere: Solution, photo: int, given: GivenPositions, row: int)
     return _Position(given.photos[row], given.file, PLACES, given.given[row], found, np.hypot(errors, sd), errors, True)
 
 
+def _beginning_of_part(off: FloatArray, error: FloatArray) -> int:
+    """Return from which position on all are off most nearly by the same, and all before it."""
+
+    def spread(row: int) -> float:
+        parts = off[:row], off[row:]
+        return sum(float(np.sum(np.abs(part - np.median(part, axis=0)) / error)) for part in parts)
+
+    return min(range(_FEWEST_ALIKE, len(off) - _FEWEST_ALIKE + 1), key=spread)
+
+
+def _begins_within_a_strip(positions: Sequence[_Position], place: int) -> bool:
+    """Return whether the flight went straight on where a part begins: a lever arm changes its sign at a turn only."""
+    before, there, after = np.diff([position.found for position in positions[place - 2 : place + 2]], axis=0)
+    lengths = np.linalg.norm([before, after], axis=1) * np.linalg.norm(there)
+    return bool(((before @ there, after @ there) > _STRAIGHT * lengths).any())
+
+
 def _part_of_flight(
     positions: Sequence[_Position], off: FloatArray, error: FloatArray, ground_unit: str
 ) -> ProjectWarning | None:
     """Return that the positions from one photo on are off by the same, compared with those before."""
-    best, place = np.inf, 0
-    for row in range(_FEWEST_ALIKE, len(off) - _FEWEST_ALIKE + 1):
-        parts = off[:row], off[row:]
-        spread = sum(float(np.sum(np.abs(part - np.median(part, axis=0)) / error)) for part in parts)
-        if spread < best:
-            best, place = spread, row
+    place = _beginning_of_part(off, error)
     parts = off[:place], off[place:]
     middles = [np.median(part, axis=0) for part in parts]
     spreads = [
