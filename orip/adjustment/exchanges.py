@@ -12,7 +12,7 @@ from msgspec import Struct
 from orip.adjustment.equations import Equations, Layout, OtherPlace
 from orip.adjustment.normals import SolvedNormals
 from orip.adjustment.residual_sums import factored_rows
-from orip.adjustment.weight_changes import LinearAdjustment, may_lose_weight
+from orip.adjustment.weight_changes import LinearAdjustment
 from orip.adjustment.weight_search import MOST_ROUNDS, weights_of_lower_cost
 from orip.adjustment.weights import danish_costs
 from orip.arrays import BoolArray, FloatArray, IntArray
@@ -158,8 +158,7 @@ def exchanges_to_try(
     """
     rows = _rows_to_exchange(equations, weights, layout, limit, among)
     cofactor = factored_rows(equations, weights, normals, layout, rows).cofactor()
-    doubtful = may_lose_weight(equations.residual[rows], weights[rows] * np.diag(cofactor), weights[rows], limit)
-    related = _related(cofactor, weights[rows]) | doubtful
+    related = _related(cofactor, weights[rows]) | (np.abs(equations.residual[rows]) > limit / 2.0)
     rows, cofactor = rows[related], cofactor[np.ix_(related, related)]
     # the residuals after one more correction with the same normal equations
     weighted = np.where(equations.active, weights, 0.0) * equations.residual

@@ -149,8 +149,7 @@ class Ways(Struct, frozen=True):
         That is the weight of the residual that an observation has with this weight, 0 if there is none.
         """
         weights = np.where(self.weight < 1.0, 1.0, self.weight)
-        in_use = (self.weight >= 1.0) & (1.0 - self.leverage > TESTABLE)
-        in_use &= may_lose_weight(self.residual, self.leverage, self.weight, limit)
+        in_use = (self.weight >= 1.0) & (np.abs(self.residual) > limit / 2.0) & (1.0 - self.leverage > TESTABLE)
         places = np.nonzero(in_use)
         size, leverage = np.abs(self.residual[places]), self.leverage[places]
         weight = np.zeros(len(size))
@@ -179,13 +178,3 @@ _MANY = 8
 def are_many(weight: FloatArray) -> bool:
     """Return whether so many observations (c,) have lost weight that what hides behind others is looked for."""
     return int(np.count_nonzero(weight < 1.0)) >= _MANY
-
-
-def may_lose_weight(residual: FloatArray, leverage: FloatArray, weight: FloatArray, limit: float) -> BoolArray:
-    """Return for which observations (..., c) of full weight the cost may fall without them.
-
-    Where an observation alone determines something, nearly, its residual is small however wrong it is: that is looked
-    at where many have lost weight.
-    """
-    many = np.count_nonzero(weight < 1.0, axis=-1, keepdims=True) >= _MANY
-    return np.asarray(np.abs(residual) > limit * np.where(many, np.minimum(0.5, 1.0 - leverage), 0.5))

@@ -88,6 +88,7 @@ def test_a_wrong_partial_is_found_among_variables_that_are_moved_together():
 
 
 PART_OF = {
+    "orip.bundle.additions.candidates.photo_candidates": "linearise_with_partials of photo points, as candidates' rows",
     "orip.bundle.kinds.figure.FigureObservations._along_axes": "linearise_with_partials of lines, planes and cylinders",
     "orip.bundle.kinds.distance.DistanceObservations._coordinates": "linearise_with_partials of distances",
     "orip.bundle.kinds.element._centre_values": "linearise_with_partials of elements",

@@ -42,6 +42,7 @@ OBSERVATIONS = {
     ("plane", "distance"): "foot",
     ("cylinder", "distance"): "foot",
     ("height", "Z"): "foot",
+    ("terrain", "Z"): "foot",
     ("given direction", "across"): "degrees",
     ("motion", "WX"): "degrees/s",
 }
