@@ -240,7 +240,7 @@ def outcome(case: tuple[Kind, Error | None, int]) -> Outcome:
     """Return what is said of the block of a run."""
     kind, planted, run = case
     found, _ = solve(block_of(kind, run, planted))
-    named = planted is not None and is_named(found.verdict, planted)
+    named = planted is not None and (is_named(found.verdict, planted) or _is_explained(found, planted))
     return Outcome(
         kind, planted, found.verdict, any(group.doubted for group in found.groups), named, named and _alone(found)
     )
@@ -260,6 +260,16 @@ def is_named(verdict: str, planted: Error) -> bool:
     if planted.group == "distance":
         wanted.append(planted.of)
     return all(word in verdict for word in wanted)
+
+
+def _is_explained(found: Solution, planted: Error) -> bool:
+    """Tell whether the sentence leads to a warning about the camera that says which value of the parameter fits."""
+    said = f"{planted.component} = "
+    return (
+        planted.group == "camera"
+        and "see the warning about camera CAM" in found.verdict
+        and any(where == "camera CAM" and text.startswith(said) for _, where, text in found.warnings)
+    )
 
 
 def _alone(found: Solution) -> bool:
