@@ -23,9 +23,9 @@ from aerial_blocks import aerial_block
 from threadpoolctl import threadpool_limits
 
 from orip.bundle.starting_state import starting_state
+from orip.online.block.online_block import OnlineBlock
 from orip.online.fit import residuals_of, statistics_of
 from orip.online.measuring import Measuring
-from orip.online.online_block import OnlineBlock
 from orip.online.replies import photos_of, points_of
 from orip.online.sequential.observation_rows import ObservationKey, ReducedColumns, linearised, tied_points
 from orip.online.sequential.sequential_block import SequentialBlock

@@ -12,8 +12,8 @@ from orip.bundle.points.starting import given_coordinates
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.mounting import frame_corners
 from orip.online.answers import Answer, Candidate, Suspect, words_of
-from orip.online.current_values import CurrentValues
-from orip.online.online_block import OnlineBlock
+from orip.online.block.current_values import CurrentValues
+from orip.online.block.online_block import OnlineBlock
 from orip.online.sequential.hyper_rows import ObservationRows, factored
 from orip.online.sequential.observation_rows import ObservationKey
 from orip.online.snooping import Snooping

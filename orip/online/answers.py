@@ -9,7 +9,7 @@ from msgspec import Struct
 
 from orip.adjustment.outlier_tests import OutlierTest
 from orip.adjustment.weights import MEDIAN_OF_NORMAL
-from orip.online.online_block import OnlineBlock
+from orip.online.block.online_block import OnlineBlock
 from orip.online.sequential.observation_rows import ObservationKey
 
 State = Literal["waiting", "unchecked", "included", "suspect", "excluded"]

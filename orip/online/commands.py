@@ -241,9 +241,9 @@ def _refuse_with_demo(given: dict[str, object]) -> None:
 def _play(invocation: Invocation) -> None:
     """Play the simulated session: what is found out, as it is found out."""
     from orip.online.answers import words_of
+    from orip.online.block.online_block import OnlineBlock
     from orip.online.fit import statistics_of
     from orip.online.measuring import Measuring
-    from orip.online.online_block import OnlineBlock
     from orip.online.replies import summary
     from orip.online.simulation import simplon_like_session
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.online.answers import ErrorScale, Suspect
-from orip.online.online_block import OnlineBlock
+from orip.online.block.online_block import OnlineBlock
 from orip.online.sequential.observation_rows import ObservationKey
 from orip.online.snooping import Snooping
 from orip.prelim.sampling import subsets

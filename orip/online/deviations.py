@@ -9,7 +9,7 @@ import numpy as np
 from orip.arrays import FloatArray
 from orip.bundle.unknowns import UnknownName
 from orip.geometry.rotation import angle_rates_from_axes_rotation, angles_from_rotation, rotation_from_angles
-from orip.online.online_block import OnlineBlock
+from orip.online.block.online_block import OnlineBlock
 from orip.online.sequential.hyper_rows import ObservationRows
 from orip.records.photo import PHOTO_PARAMETERS
 

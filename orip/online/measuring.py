@@ -6,11 +6,11 @@ from collections.abc import Collection
 
 from orip.online.advice import Before, Request, advice, answer_now, is_news
 from orip.online.answers import Answer, Candidate, ErrorScale, Suspect, words_of
+from orip.online.block.first_photos import SOON, THOROUGH, FirstValues, StartAttempts, may_start, no_start
+from orip.online.block.local_system import local_system, on_ground
+from orip.online.block.measurements import Measurement
+from orip.online.block.online_block import OnlineBlock
 from orip.online.control_examination import ControlExamination, control_as_given
-from orip.online.first_photos import SOON, THOROUGH, FirstValues, StartAttempts, may_start, no_start
-from orip.online.local_system import local_system, on_ground
-from orip.online.measurements import Measurement
-from orip.online.online_block import OnlineBlock
 from orip.online.sequential.observation_rows import ObservationKey
 from orip.online.snooping import Snooping
 from orip.structs import replace

@@ -16,8 +16,8 @@ from orip.files.text.regular_file import natural_key
 from orip.images.matching.one_point import Transfer
 from orip.interior.mounting import frame_corners
 from orip.online.answers import State, words_of
+from orip.online.block.measurements import ray_error
 from orip.online.film_marks import MarkEdit
-from orip.online.measurements import ray_error
 from orip.online.measuring import Measuring
 from orip.online.point_views import (
     SeenBlock,

@@ -16,7 +16,7 @@ from orip.images.matching.one_point import Transfer
 from orip.interior.image_coordinates import ImageEquation
 from orip.interior.mounting import frame_corners
 from orip.online.advice import given_places, predicted_covariances
-from orip.online.online_block import OnlineBlock
+from orip.online.block.online_block import OnlineBlock
 from orip.records.camera import READOUT, Camera
 from orip.records.names import record_key
 

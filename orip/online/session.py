@@ -16,11 +16,11 @@ from orip.files.log.writing import DECIMALS, LogFile, edit_line, measurement_lin
 from orip.geometry.plane import PlaneTransformation
 from orip.interior.in_force import stored_to_log
 from orip.online.answers import Answer, words_of
+from orip.online.block.first_photos import THOROUGH, solution_of_what_is_measured
+from orip.online.block.measurements import left_to_the_adjustment, places_of
+from orip.online.block.online_block import OnlineBlock
 from orip.online.film_marks import FilmMarks, MarkEdit, chosen, marks_of, require_dispensable
-from orip.online.first_photos import THOROUGH, solution_of_what_is_measured
-from orip.online.measurements import left_to_the_adjustment, places_of
 from orip.online.measuring import Measuring
-from orip.online.online_block import OnlineBlock
 from orip.online.requests import Background, Operation
 from orip.records.measurement import EditRecord, PhotoObservations, TextPlace, no_observations
 from orip.records.names import record_key

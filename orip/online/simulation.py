@@ -20,7 +20,7 @@ from orip.geometry.plane import IDENTITY
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.definitions import Definitions
 from orip.interior.in_force import Interior
-from orip.online.measurements import Measurement
+from orip.online.block.measurements import Measurement
 from orip.records.camera import Camera
 from orip.records.control import Control, ControlElement, ControlPoint
 from orip.records.definition import BundleDefinition, Precision

@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable, Sequence
 import numpy as np
 
 from orip.online.answers import ErrorScale, Suspect
-from orip.online.online_block import OnlineBlock
+from orip.online.block.online_block import OnlineBlock
 from orip.online.sequential.observation_rows import ObservationKey
 from orip.online.sequential.standings import falls
 

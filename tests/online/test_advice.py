@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from support.online_answers import last_answer
 
+from orip.online.block.online_block import OnlineBlock
 from orip.online.measuring import Measuring
-from orip.online.online_block import OnlineBlock
 from orip.online.sequential.observation_rows import ObservationKey
 from orip.online.simulation import SimulatedSession, simulated_session
 

@@ -13,8 +13,8 @@ from cli.command_line import orip
 from support.online_answers import last_answer
 from workflow.small_projects import first_project, replace_in
 
+from orip.online.block.online_block import OnlineBlock
 from orip.online.measuring import Measuring
-from orip.online.online_block import OnlineBlock
 from orip.online.replies import reply_to
 from orip.online.replies import shown as in_session
 from orip.online.requests import Request

@@ -11,8 +11,8 @@ from cli.command_line import orip
 from support.online_answers import last_answer
 from workflow.small_projects import first_project
 
+from orip.online.block.online_block import OnlineBlock
 from orip.online.measuring import Measuring
-from orip.online.online_block import OnlineBlock
 from orip.online.replies import reply_to
 from orip.online.sequential.observation_rows import ObservationKey
 from orip.online.session import OnlineSession

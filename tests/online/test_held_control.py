@@ -10,8 +10,8 @@ from orip.bundle.assemble import BlockInput, gather
 from orip.bundle.points.starting import given_coordinates
 from orip.bundle.solve import solve_block
 from orip.bundle.state import BlockState
+from orip.online.block.online_block import OnlineBlock
 from orip.online.measuring import Measuring
-from orip.online.online_block import OnlineBlock
 from orip.online.replies import cameras_of, photos_of, points_of
 from orip.online.simulation import simulated_session
 from orip.records.names import record_key

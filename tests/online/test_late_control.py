@@ -10,10 +10,10 @@ from support.online_answers import last_answer
 
 from orip.bundle.assemble import BlockInput
 from orip.geometry.plane import IDENTITY
-from orip.online.first_photos import THOROUGH
-from orip.online.measurements import Measurement
+from orip.online.block.first_photos import THOROUGH
+from orip.online.block.measurements import Measurement
+from orip.online.block.online_block import OnlineBlock
 from orip.online.measuring import Measuring
-from orip.online.online_block import OnlineBlock
 from orip.online.simulation import simulated_session
 from orip.records.names import record_key
 from orip.records.photo import Photo

@@ -8,8 +8,8 @@ from support.online_answers import last_answer
 
 from orip.bundle.assemble import gather
 from orip.bundle.solve import solve_block
+from orip.online.block.online_block import OnlineBlock
 from orip.online.measuring import Measuring
-from orip.online.online_block import OnlineBlock
 from orip.online.replies import photos_of, points_of, summary
 from orip.online.simulation import simulated_session
 from orip.records.measurement import PhotoObservations

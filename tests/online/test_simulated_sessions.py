@@ -10,9 +10,9 @@ import pytest
 from scipy.stats import poisson
 from support.online_answers import last_answer
 
-from orip.online.measurements import Measurement
+from orip.online.block.measurements import Measurement
+from orip.online.block.online_block import OnlineBlock
 from orip.online.measuring import ALPHA, Measuring
-from orip.online.online_block import OnlineBlock
 from orip.online.replies import summary
 from orip.online.sequential.observation_rows import ObservationKey
 from orip.online.simulation import (

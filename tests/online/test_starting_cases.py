@@ -10,8 +10,8 @@ import pytest
 from support.online_answers import last_answer
 
 from orip.bundle.assemble import BlockInput
+from orip.online.block.online_block import OnlineBlock
 from orip.online.measuring import Measuring
-from orip.online.online_block import OnlineBlock
 from orip.online.simulation import SimulatedSession, simulated_session
 from orip.records.control import Control, ControlElement
 from orip.records.photo import PHOTO_PARAMETERS

@@ -15,7 +15,7 @@ from screen.rendered_project import NEW, Rendered, asked, make_project, served  
 from orip.images import tiles  # noqa: E402
 from orip.images.tile_folder import TILE_FOLDER, TileFolder  # noqa: E402
 from orip.images.tiles import StoredImage, TileName, TileStore  # noqa: E402
-from orip.online.online_block import OnlineBlock  # noqa: E402
+from orip.online.block.online_block import OnlineBlock  # noqa: E402
 
 
 @pytest.fixture(scope="module")

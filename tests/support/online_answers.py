@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from orip.online.answers import Answer
-from orip.online.measurements import Measurement
+from orip.online.block.measurements import Measurement
 from orip.online.measuring import Measuring
 
 

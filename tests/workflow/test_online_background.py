@@ -18,8 +18,8 @@ from threadpoolctl import threadpool_limits
 from workflow.online_points import typed_points
 from workflow.small_projects import first_project, without_points
 
+from orip.online.block.online_block import OnlineBlock
 from orip.online.measuring import Measuring
-from orip.online.online_block import OnlineBlock
 from orip.online.page import ServedSession
 from orip.online.requests import Background
 from orip.online.session import OnlineSession

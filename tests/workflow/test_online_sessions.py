@@ -16,7 +16,7 @@ from workflow.small_projects import Point, first_project, replace_in, without_po
 
 from orip.errors import UsageError
 from orip.online import session as session_module
-from orip.online.first_photos import solution_of_what_is_measured
+from orip.online.block.first_photos import solution_of_what_is_measured
 from orip.online.replies import Reply, reply_to
 from orip.online.requests import read_request
 from orip.online.session import OnlineSession

@@ -14,9 +14,9 @@ from orip.bundle.points.starting import given_coordinates, with_starting_points
 from orip.errors import NotSolvableError, ProjectWarning
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.geometry.similarity import Similarity
-from orip.online.current_values import orientation_to_first
-from orip.online.first_photos import FirstValues
-from orip.online.measurements import Measurements
+from orip.online.block.current_values import orientation_to_first
+from orip.online.block.first_photos import FirstValues
+from orip.online.block.measurements import Measurements
 from orip.prelim.resection.known_points import image_configuration
 from orip.prelim.similarity.absolute_orientation import fit_to_control
 from orip.prelim.similarity.common_points import CommonPoints

@@ -14,8 +14,8 @@ from orip.bundle.solve import solve_block
 from orip.errors import InputError, NotSolvableError
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.interior.image_coordinates import image_vectors
-from orip.online.first_photos import FirstValues
-from orip.online.measurements import Measurements
+from orip.online.block.first_photos import FirstValues
+from orip.online.block.measurements import Measurements
 from orip.online.sequential.observation_rows import ObservationKey
 from orip.prelim.rays import image_rays, rays_of_plane_images
 from orip.prelim.relative.orientation import orient_pair

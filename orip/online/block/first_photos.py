@@ -13,7 +13,7 @@ from orip.bundle.assemble import with_starting_values
 from orip.bundle.local_frame import photos_in_frame
 from orip.bundle.unknowns import UnknownName
 from orip.errors import NotSolvableError
-from orip.online.measurements import Measurements
+from orip.online.block.measurements import Measurements
 from orip.online.sequential.observation_rows import ObservationKey, ReducedColumns
 from orip.records.block import Block
 from orip.records.control import PreliminaryPoint
