@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import struct
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import TypeVar
 
 from orip.errors import MOST_COMPLAINTS, Complaint
 from orip.exchange.colmap.binary import Bytes, guarded
@@ -13,6 +14,8 @@ from orip.exchange.colmap.model import CAMERA_SENSOR, IDENTITY, ColmapFrame, Col
 from orip.exchange.colmap.text import decimal_number, records, whole_number
 from orip.files.text.lines import decode_lines
 from orip.files.text.shown import Parsed
+
+RecordT = TypeVar("RecordT")
 
 _KINDS = ("CAMERA", "IMU")
 _SENSOR, _POSE = 2, 7
@@ -41,29 +44,28 @@ def frames_from_bytes(data: bytes, shown: str) -> Parsed[tuple[ColmapFrame, ...]
 
 def rigs_from_text(data: bytes, shown: str) -> Parsed[tuple[ColmapRig, ...]]:
     """Read rigs.txt."""
-    lines = decode_lines(data, shown)
-    found, complaints = [], list(lines.complaints)
-    for number, line in records(lines.value):
-        rig = _rig_of_line(line.split())
-        if rig is None:
-            message = "write RIG COUNT TYPE SENSOR, then TYPE SENSOR 0, or TYPE SENSOR 1 and a pose, repeated"
-            complaints.append(Complaint(message, shown, number))
-        else:
-            found.append(rig)
-    return Parsed(tuple(found), tuple(complaints[:MOST_COMPLAINTS]))
+    form = "RIG COUNT TYPE SENSOR, then TYPE SENSOR 0, or TYPE SENSOR 1 and a pose, repeated"
+    return _from_text(data, shown, _rig_of_line, form)
 
 
 def frames_from_text(data: bytes, shown: str) -> Parsed[tuple[ColmapFrame, ...]]:
     """Read frames.txt."""
+    form = "FRAME RIG QW QX QY QZ TX TY TZ COUNT, then TYPE SENSOR IMAGE repeated"
+    return _from_text(data, shown, _frame_of_line, form)
+
+
+def _from_text(
+    data: bytes, shown: str, of_line: Callable[[list[str]], RecordT | None], form: str
+) -> Parsed[tuple[RecordT, ...]]:
+    """Read a record a line, with a complaint about each line that has another form."""
     lines = decode_lines(data, shown)
     found, complaints = [], list(lines.complaints)
     for number, line in records(lines.value):
-        frame = _frame_of_line(line.split())
-        if frame is None:
-            message = "write FRAME RIG QW QX QY QZ TX TY TZ COUNT, then TYPE SENSOR IMAGE repeated"
-            complaints.append(Complaint(message, shown, number))
+        record = of_line(line.split())
+        if record is None:
+            complaints.append(Complaint(f"write {form}", shown, number))
         else:
-            found.append(frame)
+            found.append(record)
     return Parsed(tuple(found), tuple(complaints[:MOST_COMPLAINTS]))
 
 
