@@ -191,7 +191,8 @@ def _best(
     for lot in alike:
         values = _values_with(lot, matrix, of_judged, matrix.diagonal()[judged], criterion)
         values[np.isin(lot.places, taken)] = np.inf
-        if (lowest := int(np.argmin(values))) >= 0 and (best < 0 or values[lowest] < least):
+        lowest = int(np.argmin(values))
+        if best < 0 or values[lowest] < least:
             best, least = int(lot.places[lowest]), float(values[lowest])
     return best, least
 
@@ -215,19 +216,12 @@ def _values_with(
     return np.asarray(np.sqrt(kept.mean(axis=1) if criterion == "mean" else kept.max(axis=1)))
 
 
-def _gain(
-    matrix: FloatArray, candidate: Candidate, at: IntArray | slice, sign: float = 1.0
-) -> tuple[FloatArray, FloatArray]:
-    """Return Q aᵀ at some unknowns, and the inverse of a Q aᵀ + s²; of a Q aᵀ - s² for one that is taken away."""
-    columns, rows = candidate.columns, candidate.rows
-    gain = matrix[at][:, columns] @ rows.T if isinstance(at, slice) else matrix[np.ix_(at, columns)] @ rows.T
-    own = rows @ matrix[np.ix_(columns, columns)] @ rows.T + sign * np.diag(candidate.variance)
-    return gain, np.asarray(np.linalg.inv(own), dtype=np.float64)
-
-
 def _with(matrix: FloatArray, candidate: Candidate, *, taken_away: bool = False) -> FloatArray:
-    gain, middle = _gain(matrix, candidate, slice(None), -1.0 if taken_away else 1.0)
-    return np.asarray(matrix - gain @ middle @ gain.T)
+    columns, rows = candidate.columns, candidate.rows
+    gain = matrix[:, columns] @ rows.T
+    noise = np.diag(candidate.variance)
+    own = rows @ gain[columns]
+    return np.asarray(matrix - gain @ np.linalg.inv(own - noise if taken_away else own + noise) @ gain.T)
 
 
 def _value(variances: FloatArray, criterion: Criterion) -> float:
