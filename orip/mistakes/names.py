@@ -121,63 +121,9 @@ def figures_told(points: Container[str], control: Control) -> set[str]:
 
 def name_warnings(block: Block, control: Control, preliminary: Sequence[PreliminaryPoint]) -> list[ProjectWarning]:
     """Return a warning for each control observation and preliminary point not in the block, and for similar names."""
-    points = block.point_index()
     otherwise, told = _warn_of_other_spellings(block, control)
-    unused: list[tuple[str, str, str]] = [
-        ("control", f"control point {point.name}", _UNMEASURED) for point in control.points if point.name not in points
-    ]
-    unused += [
-        ("preliminary", f"preliminary point {point.name}", _UNMEASURED)
-        for point in preliminary
-        if point.name not in points
-    ]
-    unused += [
-        ("control", f"distance {distance.name}", _unplaced(points, distance.start, distance.end))
-        for distance in control.distances
-        if distance not in block.distances
-    ]
-    unused += [
-        (
-            "control",
-            f"direction {direction.set} {direction.station} {direction.target}",
-            _unplaced(points, direction.station, direction.target),
-        )
-        for direction in control.directions
-        if direction not in block.directions
-    ]
-    unused += [
-        ("control", f"given direction {line.name}", _unplaced(points, line.start, line.end))
-        for line in control.given_directions
-        if line not in block.given_directions
-    ]
-    of_figures = [point for point in control.figure_points if point.point not in points]
-    if len(of_figures) >= _FEWEST_OF_FIGURES:
-        figures = list(dict.fromkeys(point.figure for point in of_figures))
-        names = list(dict.fromkeys(point.point for point in of_figures))
-        where = f"{counted_names('point', names)} of {counted_names('figure', figures)}"
-        unused.append(("control", where, "are not used: they are neither measured nor given coordinates; correct them"))
-    else:
-        unused += [
-            ("control", f"point {point.point} of figure {point.figure}", _unplaced(points, point.point))
-            for point in of_figures
-        ]
-    unused += [
-        ("control", f"element {element.group} {element.name} {element.kind}", _unknown(element))
-        for element in control.elements
-        if element not in block.elements
-    ]
-    photos = {record_key(photo.name): photo.name for photo in block.photos}
-    unused += [
-        ("control", f"exposure station {station.photo}", _unknown_photo(station.photo, photos.values()))
-        for station in control.stations
-        if record_key(station.photo) not in photos
-    ]
-    unused += [
-        ("control", f"station difference {line.name}", _unknown_photo(name, photos.values()))
-        for line in control.differences
-        for name in (line.first, line.second)
-        if record_key(name) not in photos
-    ]
+    unused = [*_unused_points(block, control, preliminary), *_unused_observations(block, control)]
+    unused += [*_unused_points_of_figures(block, control), *_of_unknown_records(block, control)]
     warnings = [ProjectWarning(f"unused-{what}", where, text) for what, where, text in unused if where not in told]
     similar = []
     # names that files write differently are said to be one already
@@ -186,6 +132,62 @@ def name_warnings(block: Block, control: Control, preliminary: Sequence[Prelimin
         text = f"{', '.join(group)} differ only in case or leading zeros: are they one point?"
         similar.append(ProjectWarning("look-alike-names", f"point {group[0]}", text))
     return [*otherwise, *_first_of_each_code(warnings), *_first_of_each_code(similar)]
+
+
+_Unused = tuple[str, str, str]
+"""Of which kind of text, what, and why."""
+
+
+def _unused_points(block: Block, control: Control, preliminary: Sequence[PreliminaryPoint]) -> Iterator[_Unused]:
+    points = block.point_index()
+    for point in control.points:
+        if point.name not in points:
+            yield "control", f"control point {point.name}", _UNMEASURED
+    for one in preliminary:
+        if one.name not in points:
+            yield "preliminary", f"preliminary point {one.name}", _UNMEASURED
+
+
+def _unused_observations(block: Block, control: Control) -> Iterator[_Unused]:
+    points = block.point_index()
+    for distance in control.distances:
+        if distance not in block.distances:
+            yield "control", f"distance {distance.name}", _unplaced(points, distance.start, distance.end)
+    for line in control.directions:
+        if line not in block.directions:
+            where = f"direction {line.set} {line.station} {line.target}"
+            yield "control", where, _unplaced(points, line.station, line.target)
+    for given in control.given_directions:
+        if given not in block.given_directions:
+            yield "control", f"given direction {given.name}", _unplaced(points, given.start, given.end)
+
+
+def _unused_points_of_figures(block: Block, control: Control) -> Iterator[_Unused]:
+    """Yield the points of figures that are not in the block; many together."""
+    points = block.point_index()
+    unused = [point for point in control.figure_points if point.point not in points]
+    if len(unused) < _FEWEST_OF_FIGURES:
+        for one in unused:
+            yield "control", f"point {one.point} of figure {one.figure}", _unplaced(points, one.point)
+        return
+    figures = list(dict.fromkeys(one.figure for one in unused))
+    names = list(dict.fromkeys(one.point for one in unused))
+    where = f"{counted_names('point', names)} of {counted_names('figure', figures)}"
+    yield "control", where, "are not used: they are neither measured nor given coordinates; correct them"
+
+
+def _of_unknown_records(block: Block, control: Control) -> Iterator[_Unused]:
+    for element in control.elements:
+        if element not in block.elements:
+            yield "control", f"element {element.group} {element.name} {element.kind}", _unknown(element)
+    photos = {record_key(photo.name): photo.name for photo in block.photos}
+    for station in control.stations:
+        if record_key(station.photo) not in photos:
+            yield "control", f"exposure station {station.photo}", _unknown_photo(station.photo, photos.values())
+    for line in control.differences:
+        for name in (line.first, line.second):
+            if record_key(name) not in photos:
+                yield "control", f"station difference {line.name}", _unknown_photo(name, photos.values())
 
 
 def _warn_of_other_spellings(block: Block, control: Control) -> tuple[list[ProjectWarning], set[str]]:
