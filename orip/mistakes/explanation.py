@@ -34,6 +34,7 @@ from orip.mistakes.ground_systems import control_axes
 from orip.mistakes.hypothesis import (
     Fit,
     Hypothesis,
+    Misfit,
     Readjuster,
     explains,
     fit_of_adjustment,
@@ -114,12 +115,12 @@ def explain_misfit(
     from_own_values : SolvedBlock or None
         Its adjustment without the given orientations; None: there was none yet.
     """
-    given = fit_of_adjustment(solved)
-    if found := _of_ground(solution, solved, given, readjuster):
+    given, misfit = fit_of_adjustment(solved), Misfit(solution, solved, readjuster)
+    if found := _of_ground(misfit, given):
         return found[:_MOST_WARNINGS]
     if solved.weighing.of_tracks and fits_without_wrong_matches(given):
         return _shown_by_itself(solution, solved, given, readjuster)[:_MOST_WARNINGS]
-    if found := misread_vertical_photos(solution, solved, readjuster):
+    if found := misread_vertical_photos(misfit):
         return found
     if found := rolling_shutters(solved, readjuster):
         return [*found, *_shown_by_itself(solution, solved, given, readjuster)][:_MOST_WARNINGS]
@@ -134,30 +135,30 @@ def explain_misfit(
         return _shown_elsewhere(elsewhere, readjuster)
     scattered = scattered_positions(solution) if given.scale < _FITS and readjuster.is_worthwhile else []
     found = scattered or precision_too_small(solved, readjuster)
-    if found := found or lens_of_doubted_camera(solution, solved, readjuster):
+    if found := found or lens_of_doubted_camera(misfit):
         return found
     return _shown_by_itself(solution, solved, given, readjuster)[:_MOST_WARNINGS]
 
 
-def _of_ground(solution: Solution, solved: SolvedBlock, given: Fit, readjuster: Readjuster) -> list[ProjectWarning]:
+def _of_ground(misfit: Misfit, given: Fit) -> list[ProjectWarning]:
     """Return what is wrong with rigs, control or stations, from where the block has them."""
-    found = contradicting_rigs(solved, given, readjuster) or reduced_control(solution, solved, readjuster)
-    found = found or misread_control_points(solution, solved, readjuster)
-    return found or _of_all_stations(solution, solved, readjuster)
+    found = contradicting_rigs(misfit.solved, given, misfit.readjuster) or reduced_control(misfit)
+    found = found or misread_control_points(misfit)
+    return found or _of_all_stations(misfit)
 
 
-def _of_all_stations(solution: Solution, solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
+def _of_all_stations(misfit: Misfit) -> list[ProjectWarning]:
     """Return what is wrong with all positions or angles of a file, or what photos of another lens make them appear."""
-    if found := misread_angles(solved, readjuster):
+    if found := misread_angles(misfit.solved, misfit.readjuster):
         return found
-    read = misread_stations(readjuster.block, solved)
+    read = misread_stations(misfit.readjuster.block, misfit.solved)
     if read and read[0].code != HEIGHTS:
         return read
-    if found := misread_antennas(solution, solved, readjuster):
+    if found := misread_antennas(misfit):
         return found
-    if found := two_lenses(solution, readjuster) or camera_instead_of_stations(solution, solved, readjuster):
+    if found := two_lenses(misfit.solution, misfit.readjuster) or camera_instead_of_stations(misfit):
         return found
-    return read or heights_apart(solution, solved, readjuster) or along_the_flight(solution, solved, readjuster)
+    return read or heights_apart(misfit) or along_the_flight(misfit)
 
 
 def _with_found_orientations(readjuster: Readjuster, known: SolvedBlock | None = None) -> SolvedBlock | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from msgspec import Struct
@@ -17,6 +17,7 @@ from orip.structs import replace
 
 if TYPE_CHECKING:  # `orip measure` looks for signs of mistakes, and adjusts nothing
     from orip.bundle.solve import SolvedBlock
+    from orip.records.results.solution import Solution
 
 # One adjustment is of the data as given, the other of the data as they may have been meant. Each observation fits one
 # of the two, both or neither; those that fit only one decide, by the sign test (McNemar, 1947). It assumes nothing
@@ -256,6 +257,23 @@ class Readjuster(Struct, frozen=True):
             return _solved(replace(started, point_start=points), _rough_enp())
         except (NotSolvableError, np.linalg.LinAlgError):
             return None
+
+
+class Misfit(NamedTuple):
+    """An adjustment that may show a mistake.
+
+    Attributes
+    ----------
+    solution : Solution
+    solved : SolvedBlock
+        The adjustment that it comes from.
+    readjuster : Readjuster
+        Of the block as gathered.
+    """
+
+    solution: Solution
+    solved: SolvedBlock
+    readjuster: Readjuster
 
 
 def _rough_enp() -> float:

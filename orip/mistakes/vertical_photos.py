@@ -18,7 +18,7 @@ from orip.bundle.solve import SolvedBlock
 from orip.bundle.verdict import group_findings
 from orip.errors import ProjectWarning
 from orip.mistakes.ground_systems import control_heights
-from orip.mistakes.hypothesis import DECIDED, Readjuster, fit_of_adjustment, is_good
+from orip.mistakes.hypothesis import DECIDED, Misfit, Readjuster, fit_of_adjustment, is_good
 from orip.records.block import Block
 from orip.records.results.solution import Solution
 from orip.structs import replace
@@ -69,22 +69,14 @@ _EDGE = 1.01
 """Tolerance at the edge of a reduced picture."""
 
 
-def misread_vertical_photos(solution: Solution, solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
-    """Return what is probably mistaken in a block of vertical photos over nearly flat ground; often nothing.
-
-    Parameters
-    ----------
-    solution : Solution
-    solved : SolvedBlock
-        The adjustment that it comes from.
-    readjuster : Readjuster
-    """
-    block = solved.block
+def misread_vertical_photos(misfit: Misfit) -> list[ProjectWarning]:
+    """Return what is probably mistaken in a block of vertical photos over nearly flat ground; often nothing."""
+    block = misfit.solved.block
     known = [point for point in block.control_points if not point.rejected and None not in point.coordinates]
-    cosines = solved.state.rotations[:, 2, 2]
+    cosines = misfit.solved.state.rotations[:, 2, 2]
     if len(known) < _FEWEST or block.is_free_network or not np.mean(np.abs(cosines) > _VERTICAL) >= _MOST:
         return []
-    trials = _Trials(solution, solved, readjuster)
+    trials = _Trials(misfit.solution, misfit.solved, misfit.readjuster)
     if (cosines < -_VERTICAL).any():
         return trials.of_photos_looking_up(cosines < -_VERTICAL, cosines > _VERTICAL)
     return trials.of_reduced_photos() or trials.of_heights()

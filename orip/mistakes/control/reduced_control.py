@@ -7,12 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from orip.arrays import BoolArray
-from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
 from orip.mistakes.doubted_observations import doubted_photo_points
-from orip.mistakes.hypothesis import Readjuster, explains, fit_of_adjustment
+from orip.mistakes.hypothesis import Misfit, explains, fit_of_adjustment
 from orip.records.block import Block
-from orip.records.results.solution import Solution
 from orip.structs import replace
 from orip.wording import counted_names
 
@@ -31,36 +29,24 @@ _MOST = 0.5
 """Part of all photo points that are of control, at most."""
 
 
-def reduced_control(solution: Solution, solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
-    """Return that control was measured at another resolution, if all fits when its pixels are multiplied.
-
-    Parameters
-    ----------
-    solution : Solution
-    solved : SolvedBlock
-        The adjustment that it comes from.
-    readjuster : Readjuster
-        Of the block as gathered.
-    """
-    block = readjuster.block
-    control = [point.name for point in block.control_points]
-    known = np.isin(np.array(block.point_names, dtype=str), control)
-    rows = known[block.photo_points.point] & block.photo_points.in_use if len(known) else np.zeros(0, dtype=bool)
-    count = int(np.count_nonzero(rows))
-    if not (readjuster.is_worthwhile and _FEWEST <= count <= _MOST * len(rows)):
+def reduced_control(misfit: Misfit) -> list[ProjectWarning]:
+    """Return that control was measured at another resolution, if all fits when its pixels are multiplied."""
+    block = misfit.readjuster.block
+    if not (misfit.readjuster.is_worthwhile and block.control_points):
         return []
-    if not (np.isin(np.flatnonzero(rows), doubted_photo_points(block, solution)).any() or _is_off(solution)):
+    known = np.isin(np.array(block.point_names, dtype=str), [point.name for point in block.control_points])
+    rows = known[block.photo_points.point] & block.photo_points.in_use
+    if not _FEWEST <= np.count_nonzero(rows) <= _MOST * len(rows):
         return []
-    given = fit_of_adjustment(solved)
+    doubted = np.isin(np.flatnonzero(rows), doubted_photo_points(block, misfit.solution))
+    if misfit.solution.status == "converged" and not doubted.any():
+        return []
+    given = fit_of_adjustment(misfit.solved)
     for factor, changed in _multiplied(block, rows):
-        tried = readjuster.adjust_roughly(changed)
+        tried = misfit.readjuster.adjust_roughly(changed)
         if tried is not None and explains(fit_of_adjustment(tried), given):
             return [_warning(block, rows, factor)]
     return []
-
-
-def _is_off(solution: Solution) -> bool:
-    return solution.status != "converged"
 
 
 def _multiplied(block: Block, rows: BoolArray) -> Iterator[tuple[float, Block]]:

@@ -24,7 +24,7 @@ from orip.geometry.similarity import fit_similarity, several, similarity_with_pa
 from orip.mistakes.control.contradicting_control import control_warnings, without_control
 from orip.mistakes.control.free_network import free_network
 from orip.mistakes.doubted_observations import doubted_control, doubted_photo_points
-from orip.mistakes.hypothesis import DECIDED, Readjuster, fit_of_adjustment, is_good
+from orip.mistakes.hypothesis import DECIDED, Misfit, Readjuster, fit_of_adjustment, is_good
 from orip.mistakes.other_units import FEET_AND_METRES, LENGTH_UNITS
 from orip.records.block import Block
 from orip.records.ground import PlainGround
@@ -116,16 +116,9 @@ class _Fitted(NamedTuple):
         return self.cost + self.change.price
 
 
-def misread_control_points(solution: Solution, solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
-    """Return which two control points are exchanged, which one is wrong, or how all heights are; often nothing.
-
-    Parameters
-    ----------
-    solution : Solution
-    solved : SolvedBlock
-        The adjustment that it comes from.
-    readjuster : Readjuster
-    """
+def misread_control_points(misfit: Misfit) -> list[ProjectWarning]:
+    """Return which two control points are exchanged, which one is wrong, or how all heights are; often nothing."""
+    solution, solved, readjuster = misfit
     block = readjuster.block
     if not (readjuster.is_worthwhile and _can_be_compared(block) and _is_doubted(solution, solved, block)):
         return []

@@ -11,9 +11,8 @@ import numpy as np
 from orip.adjustment.weights import MEDIAN_OF_NORMAL
 from orip.arrays import BoolArray, FloatArray
 from orip.bundle.results.solution import solution_of
-from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
-from orip.mistakes.hypothesis import Readjuster, fit_of_adjustment, is_good
+from orip.mistakes.hypothesis import Misfit, fit_of_adjustment, is_good
 from orip.mistakes.stations.doubted_camera import are_doubted, has_positions, without_positions
 from orip.mistakes.stations.given_positions import GivenPositions, given_positions
 from orip.mistakes.stations.misread_antennas import LATE, longest_arm
@@ -29,25 +28,17 @@ _ALIKE = 0.2
 """Part of the shift along the flight that its scatter, and the shift across, have at most."""
 
 
-def along_the_flight(solution: Solution, solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
-    """Return that positions, none of them with a time, are all off along the flight by more than a lever arm is long.
-
-    Parameters
-    ----------
-    solution : Solution
-    solved : SolvedBlock
-        The adjustment that it comes from.
-    readjuster : Readjuster
-        Of the block as gathered.
-    """
-    block = readjuster.block
-    can_be_told = has_positions(block) and block.ground_unit == "m" and readjuster.is_worthwhile
-    if not can_be_told or any(np.isfinite(station.time) for station in block.stations) or not are_doubted(solution):
+def along_the_flight(misfit: Misfit) -> list[ProjectWarning]:
+    """Return that positions, none of them with a time, are all off along the flight by more than a lever arm."""
+    block = misfit.readjuster.block
+    can_be_told = has_positions(block) and block.ground_unit == "m" and misfit.readjuster.is_worthwhile
+    has_times = any(np.isfinite(station.time) for station in block.stations)
+    if has_times or not (can_be_told and are_doubted(misfit.solution)):
         return []
-    without = readjuster.adjust(without_positions(block))  # a camera takes up what it can of such a shift
+    without = misfit.readjuster.adjust(without_positions(block))  # a camera takes up what it can of such a shift
     if without is None or not is_good(fit_of_adjustment(without)):
         return []
-    return _ahead(given_positions(block), solution_of(without), longest_arm(solved))
+    return _ahead(given_positions(block), solution_of(without), longest_arm(misfit.solved))
 
 
 def _ahead(positions: GivenPositions, without: Solution, longest: float) -> list[ProjectWarning]:

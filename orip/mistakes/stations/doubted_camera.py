@@ -23,7 +23,7 @@ from orip.mistakes.camera_values import (
     with_unknown,
 )
 from orip.mistakes.exchanged_photos import other_cameras
-from orip.mistakes.hypothesis import DECIDED, Hypothesis, Readjuster, fit_of_adjustment, is_good
+from orip.mistakes.hypothesis import DECIDED, Hypothesis, Misfit, Readjuster, fit_of_adjustment, is_good
 from orip.records.block import Block
 from orip.records.control import NOT_GIVEN
 from orip.records.photo import PHOTO_PARAMETERS
@@ -46,33 +46,24 @@ _SIGNIFICANT, _LEAST = 5.0, 0.001
 """The same that control shows by itself: in its standard deviations, and as a part."""
 
 
-def camera_instead_of_stations(solution: Solution, solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
-    """Return what is wrong with a held camera, if positions of photos are doubted and fit with it as they are.
-
-    Parameters
-    ----------
-    solution : Solution
-    solved : SolvedBlock
-        The adjustment that it comes from.
-    readjuster : Readjuster
-        Of the block as gathered.
-    """
-    block = readjuster.block
-    if not (readjuster.is_worthwhile and has_positions(block) and are_doubted(solution)):
+def camera_instead_of_stations(misfit: Misfit) -> list[ProjectWarning]:
+    """Return what is wrong with a held camera, if positions of photos are doubted and fit with it as they are."""
+    block = misfit.readjuster.block
+    if not (misfit.readjuster.is_worthwhile and has_positions(block) and are_doubted(misfit.solution)):
         return []
-    without = readjuster.adjust(without_positions(block))
+    without = misfit.readjuster.adjust(without_positions(block))
     for row in range(len(block.cameras)):
-        started = _from_solved(block, solved)
-        if found := _best(_signs(started, row), solved, without, readjuster):
+        started = _from_solved(block, misfit.solved)
+        if found := _best(_signs(started, row), misfit.solved, without, misfit.readjuster):
             return found
         for hypothesis in _lenses(block, row):
-            tried = readjuster.adjust(hypothesis.block)
-            if tried is None or not is_better(tried, solved):
+            tried = misfit.readjuster.adjust(hypothesis.block)
+            if tried is None or not is_better(tried, misfit.solved):
                 continue
-            if _is_other_lens(tried, solved, row) or _is_seen_without(hypothesis, row, block, readjuster):
+            if _is_other_lens(tried, misfit.solved, row) or _is_seen_without(hypothesis, row, block, misfit.readjuster):
                 return hypothesis.findings(tried)
         # last, as a distortion takes up what another principal distance does
-        if found := _best(distortion_of_lens(started, row), solved, without, readjuster):
+        if found := _best(distortion_of_lens(started, row), misfit.solved, without, misfit.readjuster):
             return found
     return []
 
@@ -83,16 +74,16 @@ def has_positions(block: Block) -> bool:
     return of_elements or any(station.has_position for station in block.stations)
 
 
-def lens_of_doubted_camera(solution: Solution, solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
+def lens_of_doubted_camera(misfit: Misfit) -> list[ProjectWarning]:
     """Return that the photos have another lens than their camera, if groups accuse it and no positions are observed."""
-    block = readjuster.block
-    if not readjuster.is_worthwhile or has_positions(block):
+    block = misfit.readjuster.block
+    if not misfit.readjuster.is_worthwhile or has_positions(block):
         return []
-    accused = " ".join(found.where for found in group_findings(solution))
+    accused = " ".join(found.where for found in group_findings(misfit.solution))
     for row, camera in enumerate(block.cameras):
         for hypothesis in _lenses(block, row) if f"camera {camera.name}" in accused else ():
-            tried = readjuster.adjust(hypothesis.block)
-            if tried is not None and is_better(tried, solved) and _is_other_lens(tried, solved, row, 0.0):
+            tried = misfit.readjuster.adjust(hypothesis.block)
+            if tried is not None and is_better(tried, misfit.solved) and _is_other_lens(tried, misfit.solved, row, 0.0):
                 return hypothesis.findings(tried)
     return []
 

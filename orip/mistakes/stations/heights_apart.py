@@ -13,11 +13,10 @@ from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
 from orip.mistakes.camera_values import other_principal_distance
-from orip.mistakes.hypothesis import DECIDED, Readjuster, fit_of_adjustment, is_good
+from orip.mistakes.hypothesis import DECIDED, Misfit, Readjuster, fit_of_adjustment, is_good
 from orip.mistakes.stations.doubted_camera import are_doubted, has_positions, is_better
 from orip.mistakes.stations.misread_positions import HEIGHT_OFFSET
 from orip.records.block import Block
-from orip.records.results.solution import Solution
 from orip.structs import replace
 from orip.wording import counted_names
 
@@ -34,22 +33,13 @@ _ALIKE = 0.2
 """Spread of the differences, as a part of their median, at most."""
 
 
-def heights_apart(solution: Solution, solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
-    """Return that the heights of the control and of the stations differ by a constant, if all else fits then.
-
-    Parameters
-    ----------
-    solution : Solution
-    solved : SolvedBlock
-        The adjustment that it comes from.
-    readjuster : Readjuster
-        Of the block as gathered.
-    """
-    block = readjuster.block
-    can_be_told = readjuster.is_worthwhile and has_positions(block) and block.ground_unit == "m"
-    if not (can_be_told and are_doubted(solution)) or block.constant_points[:, 2].any():
+def heights_apart(misfit: Misfit) -> list[ProjectWarning]:
+    """Return that the heights of the control and of the stations differ by a constant, if all else fits then."""
+    block = misfit.readjuster.block
+    can_be_told = misfit.readjuster.is_worthwhile and has_positions(block) and block.ground_unit == "m"
+    if not (can_be_told and are_doubted(misfit.solution)) or block.constant_points[:, 2].any():
         return []
-    free = readjuster.adjust(_with_heights(block, None))
+    free = misfit.readjuster.adjust(_with_heights(block, None))
     if free is None or not free.converged:
         return []
     off = _heights_off(block, free)
@@ -58,12 +48,12 @@ def heights_apart(solution: Solution, solved: SolvedBlock, readjuster: Readjuste
     by = float(np.median(off))
     if not ((by > _LEAST or -by > _ARM) and abs(by) < _MOST and float(np.median(np.abs(off - by))) < _ALIKE * abs(by)):
         return []
-    tried = readjuster.adjust(_with_heights(block, by))
-    if tried is None or not (is_better(tried, solved) and is_good(fit_of_adjustment(tried))):
+    tried = misfit.readjuster.adjust(_with_heights(block, by))
+    if tried is None or not (is_better(tried, misfit.solved) and is_good(fit_of_adjustment(tried))):
         return []
     if are_doubted(solution_of(tried)):
         return []
-    return _camera_instead(tried, readjuster) or [_warning(block, by)]
+    return _camera_instead(tried, misfit.readjuster) or [_warning(block, by)]
 
 
 def _camera_instead(shifted: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:

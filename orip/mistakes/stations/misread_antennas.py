@@ -14,11 +14,10 @@ from orip.bundle.antennas import NONE, antenna_of, station_places
 from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
 from orip.mistakes.doubted_observations import down_weighted_share
-from orip.mistakes.hypothesis import Hypothesis, Readjuster, explains, finding, fit_of_adjustment, is_good
+from orip.mistakes.hypothesis import Hypothesis, Misfit, explains, finding, fit_of_adjustment, is_good
 from orip.mistakes.stations.doubted_camera import are_doubted, is_better
 from orip.records.block import Block
 from orip.records.definition import ANTENNA_PARAMETERS, TIME_OFFSET, Antenna
-from orip.records.results.solution import Solution
 from orip.structs import replace
 
 ANTENNA, LATE = "lever-arm", "time-offset"
@@ -49,26 +48,17 @@ _MANY = 0.25
 """Part of the coordinates of stations that loses weight where all of one axis are off."""
 
 
-def misread_antennas(solution: Solution, solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
-    """Return what is wrong with the lever arm of an antenna, or with its times, if the stations fit without that.
-
-    Parameters
-    ----------
-    solution : Solution
-    solved : SolvedBlock
-        The adjustment that it comes from.
-    readjuster : Readjuster
-        Of the block as gathered.
-    """
-    block = readjuster.block
+def misread_antennas(misfit: Misfit) -> list[ProjectWarning]:
+    """Return what is wrong with the lever arm of an antenna, or with its times, if the stations fit without that."""
+    block = misfit.readjuster.block
     has_positions = any(station.has_position for station in block.stations)
-    if not (has_positions and block.ground_unit == "m" and readjuster.is_worthwhile):
+    if not (has_positions and block.ground_unit == "m" and misfit.readjuster.is_worthwhile):
         return []
-    if not (are_doubted(solution) or down_weighted_share(solution, "station") > _MANY):
+    if not (are_doubted(misfit.solution) or down_weighted_share(misfit.solution, "station") > _MANY):
         return []
     for hypothesis in (*_other_arms(block), *_late_stations(block)):
-        tried = readjuster.adjust(hypothesis.block)
-        if tried is not None and _fits_better(tried, solved) and hypothesis.holds(tried):
+        tried = misfit.readjuster.adjust(hypothesis.block)
+        if tried is not None and _fits_better(tried, misfit.solved) and hypothesis.holds(tried):
             return hypothesis.findings(tried)
     return []
 
