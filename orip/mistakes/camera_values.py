@@ -254,9 +254,11 @@ def _of_given_points(block: Block, camera: int) -> tuple[IntArray, FloatArray]:
     return rows, block.ground.to_local(known[points.point[rows]])
 
 
-# A camera whose rows are exposed one after the other has no value that is wrong: it lacks one, its readout time.
+# A camera whose rows are exposed one after the other lacks a value, its readout time; or one is given that is wrong.
 
-ROLLING_SHUTTER = "rolling-shutter"
+ROLLING_SHUTTER, READOUT_TIME = "rolling-shutter", "readout"
+OF_READOUT_TIMES = "the readout of a camera is another than is given"
+"""What the status says of a block with a readout that is wrong."""
 
 _SIGNIFICANT = 4.4
 """Normal deviate of an error probability of 1e-5: the residuals of a real block are not quite normal."""
@@ -267,6 +269,9 @@ _MATERIAL = 0.01
 _EXPLAINS = 0.25
 """Part of the misfit beyond the a-priori errors that it explains at least."""
 
+_GLOBAL = 3.0
+"""Standard deviations within which a readout time is that of a shutter that exposes all rows at once."""
+
 _SLOWEST = 1.0
 """Seconds: no sensor that takes photos from the air reads out as slowly as that."""
 
@@ -275,12 +280,12 @@ _MOST_PHOTO_POINTS = 200_000
 
 
 def rolling_shutters(solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
-    """Return the cameras that show a readout time, with its size; none without times of stations.
+    """Return the cameras that show another readout time than is held, with its size; none without times of stations.
 
     It is tried as an unknown before it is advised; where that is not possible, or fails, its size is that of the test.
     """
     from orip.bundle.groups.held_readouts import readout_test
-    from orip.interior.motions import motions, rolling_cameras, timed_photos
+    from orip.interior.motions import motions, timed_photos
 
     block = solved.block
     if len(block.photo_points.photo) > _MOST_PHOTO_POINTS:
@@ -288,17 +293,17 @@ def rolling_shutters(solved: SolvedBlock, readjuster: Readjuster) -> list[Projec
     motion = motions(timed_photos(block), solved.state.centres, solved.state.rotations)
     if not motion.any():
         return []
-    modelled = rolling_cameras(block)
     excess = max(solved.variance.sigma0**2 - 1.0, 0.0) if np.isfinite(solved.variance.sigma0) else 0.0
     found = []
     for row, camera in enumerate(block.cameras):
-        if camera.sensor is None or modelled[row]:
+        if camera.sensor is None or "READOUT" in camera.unknown:
             continue
-        test = readout_test(solved, row, motion)
+        test, given = readout_test(solved, row, motion), camera.parameters[READOUT]
         least = max(_MATERIAL, _EXPLAINS * excess) * test.number
-        if abs(test.readout) > _SIGNIFICANT * test.sd and test.fall > least and abs(test.readout) < _SLOWEST:
-            tried = _with_readout(readjuster, camera, test)
-            found.append(ProjectWarning(ROLLING_SHUTTER, f"camera {camera.name}", _rolling(tried or test)))
+        if abs(test.readout - given) > _SIGNIFICANT * test.sd and test.fall > least and abs(test.readout) < _SLOWEST:
+            test = _with_readout(readjuster, camera, test) or test
+            code, text = (READOUT_TIME, _misgiven(test, given)) if given else (ROLLING_SHUTTER, _rolling(test))
+            found.append(ProjectWarning(code, f"camera {camera.name}", text))
     return found
 
 
@@ -314,9 +319,10 @@ def _with_readout(readjuster: Readjuster, camera: Camera, test: ReadoutTest) -> 
     column = int(tried.problem.unknowns.cameras[row, READOUT])
     readout = float(tried.state.cameras[row, READOUT])
     sd = tried.deviation_scale * float(np.sqrt(tried.cofactors.reduced[column, column]))
-    if tried.normals.removed[column] or abs(readout) < _SIGNIFICANT * sd:
+    off, of_test = (value - camera.parameters[READOUT] for value in (readout, test.readout))
+    if tried.normals.removed[column] or abs(off) < _SIGNIFICANT * sd:
         return None
-    return test._replace(readout=readout, sd=sd, pixels=test.pixels * abs(readout / test.readout))
+    return test._replace(readout=readout, sd=sd, pixels=test.pixels * abs(off / of_test))
 
 
 def _rolling(test: ReadoutTest) -> str:
@@ -326,4 +332,18 @@ def _rolling(test: ReadoutTest) -> str:
         f"{1e3 * abs(test.readout):.1f} ± {1e3 * test.sd:.1g} ms from the first row to the last one ({first} row "
         f"first); meanwhile the image moves by {test.pixels:.1f} pixels, and points and the principal distance may be "
         f'off; write readout = {test.readout:.3f} and unknown = [..., "READOUT"] in its [[camera]], which models it'
+    )
+
+
+def _misgiven(test: ReadoutTest, given: float) -> str:
+    is_global = abs(test.readout) < _GLOBAL * test.sd
+    remedy = (
+        "take it out of its [[camera]]: its shutter exposes all rows at once"
+        if is_global
+        else f'write readout = {test.readout:.3f} and unknown = [..., "READOUT"] in its [[camera]]'
+    )
+    return (
+        f"readout = {given:g} does not fit the photos, {test.readout:.4f} ± {test.sd:.1g} s does: residuals along the "
+        f"flight depend on the row; the images are off by {test.pixels:.1f} pixels, and points, stations and the "
+        f"principal distance may be, too; {remedy}"
     )

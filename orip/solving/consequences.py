@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterable, Sequence
 from msgspec import Struct
 
 from orip.errors import ProjectWarning
-from orip.mistakes.camera_values import CAMERA_SIGNS, FAR_FROM_GIVEN, OTHER_LENS
+from orip.mistakes.camera_values import CAMERA_SIGNS, FAR_FROM_GIVEN, OTHER_LENS, READOUT_TIME, ROLLING_SHUTTER
 from orip.mistakes.control.check_points import HEIGHT_SYSTEM
 from orip.mistakes.control.contradicting_control import CODE as CONTROL
 from orip.mistakes.control.contradicting_distances import DISTANCE_UNIT
@@ -116,6 +116,9 @@ CONSEQUENCES: tuple[Consequence, ...] = (
     Consequence((PRECISION,), warnings=None, groups=(*_GROUND, "check point", "camera", "photo")),
     # a camera displaces photos along their axes, and these the control
     Consequence((OTHER_LENS, *CAMERA_SIGNS), groups=_GROUND),
+    # rows exposed at another time displace photos along the flight
+    Consequence((ROLLING_SHUTTER, READOUT_TIME), groups=(*_GROUND, "camera")),
+    Consequence((READOUT_TIME,), warnings=(CONTROL, POSITION, *SHORT_TEXTS_OF_POSITIONS, PRECISION, REPLACED)),
     Consequence((DISTANCE_UNIT,), groups=("distance", "exposure station", "control point")),
     Consequence((DISTANCE_AXES,), groups=("distance",)),
     Consequence((DISTANCE,), groups=("distance",)),

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from orip.bundle.groups.words import CODE as CONTRADICTION
 from orip.bundle.verdict import MISTAKE
 from orip.errors import UNREAD_FILE, ProjectWarning
+from orip.mistakes.camera_values import OF_READOUT_TIMES, READOUT_TIME
 from orip.mistakes.control.check_points import HEIGHT_SYSTEM, OF_HEIGHT_SYSTEMS
 from orip.mistakes.control.contradicting_distances import DISTANCE_UNIT, OF_DISTANCE_UNITS
 from orip.mistakes.control.free_network import DISTANCE_AXES, FREE_DATUM
@@ -39,7 +40,7 @@ WRONG = {
     **SHORT_TEXTS_OF_POSITIONS, **SHORT_TEXTS_OF_ANTENNAS, **SHORT_TEXTS_OF_CONTROL,
     REDUCED_CONTROL: OF_REDUCED_CONTROL, HEIGHT_SYSTEM: OF_HEIGHT_SYSTEMS, TWO_LENSES: OF_TWO_LENSES, ANGLES: OF_ANGLES,
     COORDINATE_UNIT: "the photo coordinates are in another unit", DISTANCE_UNIT: OF_DISTANCE_UNITS,
-    PRECISION: OF_PRECISION,
+    PRECISION: OF_PRECISION, READOUT_TIME: OF_READOUT_TIMES,
 }  # fmt: skip
 """What the status says of a block that fits, and is wrong nevertheless, by the code of the warning."""
 

@@ -20,7 +20,7 @@ from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT
 from orip.records.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, first_of_lens
 
-TESTED = ("C", "DX", "DY", "A3")
+TESTED = ("C", "DX", "DY", "A3", "READOUT")
 """What differs from one lens or calibration to another; further coefficients of distortion follow A3."""
 
 _MOST_PHOTO_POINTS = 200_000

@@ -1,7 +1,7 @@
 """Cameras whose rows were exposed one after the other while they flew: residuals along the flight depend on the row.
 
-The readout time is tested as an unknown that was held at zero (a score test): by the residuals of the photo points and
-the partials of the exact model, with motions from the adjusted orientations and the times of exposure stations. What
+The readout time is tested as an unknown that was held, at zero or another value (a score test): by the residuals of the
+photo points and the partials of the exact model, with motions from the adjusted orientations and the times of exposure stations. What
 the other unknowns absorb has no part in it; where they absorb all, nothing is said.
 """
 
@@ -17,10 +17,11 @@ from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT
 from orip.geometry.rolling_shutter import Motion, moving_image_with_partials
+from orip.records.camera import READOUT
 
 
 class ReadoutTest(NamedTuple):
-    """The readout time of a camera, from an adjustment in which it was zero.
+    """The readout time of a camera, from an adjustment in which it was held.
 
     Attributes
     ----------
@@ -32,7 +33,7 @@ class ReadoutTest(NamedTuple):
     number : int
         Photo coordinates that the motion acts on.
     pixels : float
-        Root mean square of the motion of the images during the readout.
+        Root mean square of the motion of the images while it is off.
     """
 
     readout: float
@@ -76,15 +77,16 @@ def readout_test(solved: SolvedBlock, camera: int, motions: FloatArray) -> Reado
         right += np.bincount(columns[touched], partials[touched], minlength=len(right))
     shown = square - float(right @ solved.normals.solve(right[:, None])[:, 0])
     if not number or shown <= 1e-6 * square:
-        return ReadoutTest(0.0, np.inf, 0.0, number, 0.0)
-    readout, fall = -value / shown, value**2 / shown
+        return ReadoutTest(float(solved.state.cameras[camera, READOUT]), np.inf, 0.0, number, 0.0)
+    off, fall = -value / shown, value**2 / shown
+    readout = float(solved.state.cameras[camera, READOUT]) + off
     # rows are spread evenly: the mean square of their part of the readout is 1/12
-    pixels = abs(readout) * np.sqrt(24.0 * motion / number) / (sensor.height / sensor.rows)
+    pixels = abs(off) * np.sqrt(24.0 * motion / number) / (sensor.height / sensor.rows)
     return ReadoutTest(readout, solved.deviation_scale / float(np.sqrt(shown)), fall, number, float(pixels))
 
 
 def _by_readout(solved: SolvedBlock, points: PhotoPointObservations, motions: FloatArray, height: float) -> FloatArray:
-    """Return how the images of photo points (n, 2) move with the readout time, mm a second; at a readout of zero."""
+    """Return how the images of photo points (n, 2) move with the readout time, mm a second."""
     state, moving = solved.state, motions[points.photo]
     found = moving_image_with_partials(
         state.points[points.point] - state.centres[points.photo],
@@ -93,6 +95,6 @@ def _by_readout(solved: SolvedBlock, points: PhotoPointObservations, motions: Fl
         points.is_equidistant,
         Motion(moving[:, :3], moving[:, 3:]),
         -points.xy[:, 1] / height,
-        np.zeros(len(moving)),
+        state.cameras[points.camera, READOUT],
     )
     return np.where(found.image.in_front[:, None], found.by_readout, 0.0)
