@@ -34,6 +34,9 @@ _CLOSE = 2.0
 """Part of the limit up to which a residual may be that of an observation that fits with full weight: of many that have
 lost weight these are tried."""
 
+_FAR = 40.0
+"""Parts of the limit from which a residual is too far off for linear theory."""
+
 _FEW, _MOST_PART = 12, 0.1
 """Observations that may have lost weight, and their part of all: more are not wrong one by one, but with a photo."""
 
@@ -138,6 +141,8 @@ def exchanges_to_try(
     limit: float,
     among: BoolArray,
     rounds: int = MOST_ROUNDS,
+    *,
+    hidden: bool = False,
 ) -> tuple[Exchange, ...]:
     """Return exchanges that lower the robust cost of a converged solution, or may lower it, the most promising first.
 
@@ -155,10 +160,16 @@ def exchanges_to_try(
         Observations that may be exchanged.
     rounds : int
         Most times that changes of weights begin again from the lowest end.
+    hidden : bool
+        Look for what hides behind other observations, and leave without weight what is too far off to be linear.
     """
+    if hidden:
+        among = among & ((weights >= 1.0) | (np.abs(equations.residual) < _FAR * limit))
     rows = _rows_to_exchange(equations, weights, layout, limit, among)
     cofactor = factored_rows(equations, weights, normals, layout, rows).cofactor()
-    related = _related(cofactor, weights[rows]) | (np.abs(equations.residual[rows]) > limit / 2.0)
+    leverage = weights[rows] * np.diag(cofactor)
+    least = limit * (np.minimum(0.5, 1.0 - leverage) if hidden else 0.5)
+    related = _related(cofactor, weights[rows]) | (np.abs(equations.residual[rows]) > least)
     rows, cofactor = rows[related], cofactor[np.ix_(related, related)]
     # the residuals after one more correction with the same normal equations
     weighted = np.where(equations.active, weights, 0.0) * equations.residual
@@ -167,7 +178,7 @@ def exchanges_to_try(
     residual = equations.residual[rows] - equations.design[rows] @ correction
     square_sum = float(weighted @ np.where(equations.active, equations.residual, 0.0) - right @ correction)
     weight = weights[rows]
-    start = LinearAdjustment(cofactor, residual, weight, square_sum)
+    start = LinearAdjustment(cofactor, residual, weight, square_sum, hidden)
     ends = weights_of_lower_cost(start, limit, rounds)
     return tuple(_exchange(weight, end, rows, equations, normals) for end in ends)
 

@@ -22,7 +22,10 @@ _SMALL, _HIDING, _MOST_HIDDEN = 0.1, 0.2, 16
 """Part of the limit below which no residual is looked at; correlation of residuals above which two observations hide
 each other; and most pairs of these that are left out together."""
 
-_NOT_ZERO = 1e-10
+_MOST_CLOSELY, _TOGETHER = 100, 1e-5
+"""The same, and the least determinant of the redundancy of two, where what hides is looked for at the end."""
+
+_NOT_ZERO = _NO_WEIGHT = 1e-10
 
 
 def first_changes(start: LinearAdjustment, limit: float) -> tuple[Ways, IntArray]:
@@ -76,14 +79,32 @@ def _hiding_each_other(start: LinearAdjustment, limit: float) -> tuple[IntArray,
     determinant = free[one] * free[other] - common**2
     residual = np.column_stack([start.residual[one], start.residual[other]])
     crossed = np.column_stack([free[other], free[one]]) * residual + common[:, None] * residual[:, ::-1]
-    testable = determinant > TESTABLE**2
+    testable = determinant > (_TOGETHER if start.hidden else TESTABLE**2)
     one, other, residual = one[testable], other[testable], residual[testable]
     size = np.abs(crossed[testable] / determinant[testable, None])
     square_sums = (residual * crossed[testable] / determinant[testable, None]).sum(axis=1)
     costs = danish_costs(size, limit).sum(axis=1) - square_sums / 2.0
     chosen = np.flatnonzero((size > limit).all(axis=1))
-    chosen = chosen[np.argsort(costs[chosen], kind="stable")[:_MOST_HIDDEN]]
+    chosen = chosen[np.argsort(costs[chosen], kind="stable")[: _MOST_CLOSELY if start.hidden else _MOST_HIDDEN]]
     return np.column_stack([one, other])[chosen], np.exp(-size[chosen] / limit)
+
+
+def left_out_together(start: LinearAdjustment, limit: float) -> list[FloatArray]:
+    """Return weights (c,) with two observations left out that hide each other, and with a third one that fits least then.
+
+    Three neighbours that are wrong by the same amount hold their photo where it is, whichever two of them are left out.
+    """
+    found = []
+    for pair in _hiding_each_other(start, limit)[0]:
+        without = start.weight.copy()
+        without[pair] = _NO_WEIGHT
+        there = start.with_weights(without)
+        free = 1.0 - np.diag(there.cofactor)
+        fall = np.where((without >= 1.0) & (free > TESTABLE), there.residual**2 / np.maximum(free, TESTABLE), 0.0)
+        third = without.copy()
+        third[fall.argmax()] = _NO_WEIGHT
+        found += [without, third]
+    return found
 
 
 def taken_back_together(alone: Ways, lots: list[IntArray]) -> list[Ways]:
@@ -133,6 +154,7 @@ def _joined(lots: Sequence[Ways]) -> Ways:
         np.vstack([ways.leverage for ways in lots]),
         np.vstack([ways.weight for ways in lots]),
         np.concatenate([ways.square_sum for ways in lots]),
+        lots[0].hidden,
         tuple(np.concatenate([factor[n] for factor, _ in padded]) for n in range(changes)),
         tuple(np.concatenate([effect[n] for _, effect in padded]) for n in range(changes)),
     )

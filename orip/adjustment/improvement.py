@@ -28,6 +28,7 @@ from orip.adjustment.exchanges import (
 from orip.adjustment.iteration_state import Candidate, IterationSettings, IterationState, Tried
 from orip.adjustment.normals import SolvedNormals, solve_normals
 from orip.adjustment.sparse_rows import SparseRows
+from orip.adjustment.weight_changes import LEAST_GAIN, are_many
 from orip.adjustment.weight_search import MOST_ROUNDS
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.structs import replace
@@ -88,6 +89,9 @@ def next_attempt(
         moved = None if state is None else Linearised(state, problem.linearise(state))
         if moved is not None and _may_be_lower(moved.equations, now):
             return _attempt(now, moved, tried, reason), None
+    if reason is not None and not (tried.hidden or now.weighing.of_tracks):
+        found = _hidden(problem, now, weights, normals)
+        return next_attempt(problem, replace(now, tried=replace(tried, exchanges=found, hidden=True)), weights, normals, settings, reason)
     return replace(now, tried=tried), reason
 
 
@@ -127,6 +131,21 @@ def _candidates(
     if places:
         found += _relocated(problem, now, weights, equations, bound, places)
     return tuple(candidate for _, candidate in sorted(found, key=itemgetter(0))[:_MOST_EXCHANGES])
+
+
+def _hidden(
+    problem: Problem[StateT], now: IterationState[StateT], weights: FloatArray, normals: SolvedNormals
+) -> tuple[Candidate[StateT], ...]:
+    """Return where exchanges lead with which observations lose their weight that hide behind others."""
+    limit, equations = now.weighing.final_limit, replace(now.current.equations, rows=SparseRows(now.current.equations.design))
+    among = wrong_one_by_one(equations, weights, limit) | wrong_by_themselves(equations, weights)
+    if not are_many(weights[among]):
+        return ()
+    bound, found = normals.with_constraints(equations), []
+    for exchange in exchanges_to_try(equations, weights, bound, problem.layout, limit, among, hidden=True):
+        found += _where_it_leads(problem, now, exchange, equations, weights, bound)
+    lower = sorted((one for one in found if one[0] < _cost(now) - LEAST_GAIN * limit**2), key=itemgetter(0))
+    return tuple(candidate for _, candidate in lower[:_MOST_EXCHANGES])
 
 
 def rounds_after(attempts: int) -> int:

@@ -95,13 +95,14 @@ class Tried(Struct, Generic[StateT], frozen=True):
     attempts : int
     exchanges : tuple of Candidate or None
         Exchanges still to be tried at the present solution; None: they have not been looked for.
-    consensus : bool
-        Whether it was looked for at the present solution.
+    consensus, hidden : bool
+        Whether it, and what hides behind other observations, was looked for at the present solution.
     """
 
     attempts: int = 0
     exchanges: tuple[Candidate[StateT], ...] | None = None
     consensus: bool = False
+    hidden: bool = False
 
 
 class IterationState(Struct, Generic[StateT], frozen=True):

@@ -34,12 +34,15 @@ class LinearAdjustment(Struct, frozen=True):
     residual, weight : arrays (c,)
     square_sum : float
         Weighted square sum of all observations of the adjustment, these and others.
+    hidden : bool
+        Observations may lose their weight whose residuals are small because they alone determine something, nearly.
     """
 
     cofactor: FloatArray
     residual: FloatArray
     weight: FloatArray
     square_sum: float
+    hidden: bool = False
 
     def residuals_with(self, weights: FloatArray) -> FloatArray:
         """Return the residuals (c,) with other weights (c,)."""
@@ -59,6 +62,7 @@ class LinearAdjustment(Struct, frozen=True):
             self.residual - spread.T @ residual,
             weights,
             self.square_sum + float(residual @ np.linalg.solve(inner, residual)),
+            self.hidden,
         )
 
 
@@ -72,6 +76,7 @@ class Ways(Struct, frozen=True):
     residual, leverage, weight : arrays (s, c)
         v, the diagonal of H, and the weights after them.
     square_sum : array (s,)
+    hidden : bool
     factor, effect : tuples of k arrays (s,), (s, c)
         g and H_i of the changes.
     """
@@ -81,6 +86,7 @@ class Ways(Struct, frozen=True):
     leverage: FloatArray
     weight: FloatArray
     square_sum: FloatArray
+    hidden: bool
     factor: tuple[FloatArray, ...] = ()
     effect: tuple[FloatArray, ...] = ()
 
@@ -88,6 +94,7 @@ class Ways(Struct, frozen=True):
         """Return some of the ways; one may be chosen several times."""
         return Ways(
             self.cofactor, self.residual[ways], self.leverage[ways], self.weight[ways], self.square_sum[ways],
+            self.hidden,
             tuple(factor[ways] for factor in self.factor), tuple(effect[ways] for effect in self.effect),
         )  # fmt: skip
 
@@ -107,6 +114,7 @@ class Ways(Struct, frozen=True):
             self.leverage - factor[:, None] * column**2,
             after,
             self.square_sum + factor * self.residual[ways, rows] ** 2,
+            self.hidden,
             (*self.factor, factor),
             (*self.effect, column),
         )
@@ -149,7 +157,9 @@ class Ways(Struct, frozen=True):
         That is the weight of the residual that an observation has with this weight, 0 if there is none.
         """
         weights = np.where(self.weight < 1.0, 1.0, self.weight)
-        in_use = (self.weight >= 1.0) & (np.abs(self.residual) > limit / 2.0) & (1.0 - self.leverage > TESTABLE)
+        free = 1.0 - self.leverage
+        least = limit * np.minimum(0.5, free) if self.hidden else limit / 2.0
+        in_use = (self.weight >= 1.0) & (np.abs(self.residual) > least) & (free > TESTABLE)
         places = np.nonzero(in_use)
         size, leverage = np.abs(self.residual[places]), self.leverage[places]
         weight = np.zeros(len(size))
@@ -168,7 +178,7 @@ def begun(start: LinearAdjustment, ways: int) -> Ways:
 
     leverage = np.diag(start.cofactor)
     residual, weight = repeated(start.residual), repeated(start.weight)
-    return Ways(start.cofactor, residual, repeated(leverage), weight, np.full(ways, start.square_sum))
+    return Ways(start.cofactor, residual, repeated(leverage), weight, np.full(ways, start.square_sum), start.hidden)
 
 
 _MANY = 8

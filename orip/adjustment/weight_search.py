@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orip.adjustment.first_changes import first_changes
+from orip.adjustment.first_changes import first_changes, left_out_together
 from orip.adjustment.weight_changes import LEAST_GAIN, LinearAdjustment, are_many, begun
 from orip.arrays import FloatArray
 
@@ -67,10 +67,19 @@ def weights_of_lower_cost(start: LinearAdjustment, limit: float, rounds: int = M
     likely = [end.weight for end in first if end.cost < doubtful]
     # what is taken back may be far from linear, and may push out what is not
     likely.sort(key=lambda weight: bool(((weight >= 1.0) & (start.weight < 1.0)).any()))
-    tried = [best.weight, *likely]
+    tried = [*_behind_others(start, at_start, limit), best.weight, *likely]
     distinct = {(weight < 1.0).tobytes(): weight for weight in reversed(tried)}
     distinct.pop((start.weight < 1.0).tobytes(), None)
     return list(distinct.values())[::-1][:_MOST_FOUND]
+
+
+def _behind_others(start: LinearAdjustment, at_start: float, limit: float) -> list[FloatArray]:
+    """Return the weights (c,) of lower cost to which the Danish method leads without what hides each other."""
+    if not start.hidden:
+        return []
+    ends = [_settled(start, _End(np.inf, weight), limit) for weight in left_out_together(start, limit)]
+    lower = [end for end in ends if end.cost < at_start - LEAST_GAIN * limit**2]
+    return [end.weight for end in sorted(lower, key=itemgetter(0))[: _MOST_FOUND // 2]]
 
 
 def _settled_after_first_changes(start: LinearAdjustment, limit: float) -> LinearAdjustment:

@@ -38,6 +38,10 @@ def suspects(solution: Solution, test_level: float | None = None) -> dict[str, l
     return found
 
 
+_TESTABLE = 1e-4
+"""Redundancy number above which the size of an error shows: control that is much better than the photos has little."""
+
+
 def named_observation(kind: str, photo: str, point: str, component: str = "") -> str:
     """Return what an observation of a kind is called; a given element by its component: ``Z0 of photo 101``."""
     if kind == "photo":
@@ -56,7 +60,7 @@ def observation_of(residuals: Residuals, row: int) -> str:
 def probable_error(residuals: Residuals, row: int) -> float:
     """Return by how much an observation is probably off: observed minus what all others predict; NaN if not tested."""
     number = residuals.redundancy_number[row]
-    return float(-residuals.residual[row] / number) if number > 0.01 else math.nan
+    return float(-residuals.residual[row] / number) if number > _TESTABLE else math.nan
 
 
 def probable_size(residuals: Residuals, row: int) -> str:

@@ -282,3 +282,24 @@ def test_a_name_that_two_photos_have_but_for_case_is_not_guessed() -> None:
             "there: a.JPG, ß.jpg."
         ),
     ]
+
+
+@pytest.mark.parametrize(
+    ("photos", "name", "place"),
+    [
+        (("A.JPG", "B.JPG"), "images/b.jpeg", 1),
+        (("A.JPG", "B.JPG"), "B", 1),
+        (("one/A.JPG", "two/A.JPG"), r"C:\flight\two\A.JPG", 1),
+        (("one/A.JPG", "two/A.JPG"), "A.JPG", None),
+        (("one/A.JPG",), "two/A.JPG", None),
+        (("A.TIF",), "A.JPG", None),
+        (("A.1", "A.2"), "a.2", 1),
+    ],
+)
+def test_a_folder_or_an_ending_that_one_name_lacks_makes_no_difference(
+    photos: tuple[str, ...], name: str, place: int | None
+) -> None:
+    names = PhotoNames(photos)
+    assert names.place(name) == place
+    (note,) = names.notes("gcp_list.txt", "mark")
+    assert ("matched without regard to" in note) == (place is not None)

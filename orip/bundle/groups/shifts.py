@@ -16,7 +16,7 @@ from scipy.special import ndtri_exp
 from orip.adjustment.outlier_tests import chi_square_tail, two_sided_normal
 from orip.adjustment.residual_sums import ResidualSums
 from orip.arrays import BoolArray, FloatArray
-from orip.bundle.groups.figures import GroundGroups, common_errors, is_testable
+from orip.bundle.groups.figures import TESTABLE, GroundGroups, common_errors, is_testable
 from orip.bundle.groups.hypotheses import SINGLE_CONTROL, Cause, Together, hypotheses
 from orip.records.results.tests import CommonError
 from orip.structs import replace
@@ -128,8 +128,8 @@ def common_shifts(ground: GroundGroups, sums: ResidualSums, limit: float) -> Ite
     """
     covariance = sums.covariance()
     shift, shift_sd = common_errors(sums, ground.errors, covariance)
-    tests = hypotheses(ground)
-    left = _Sums(sums.values, covariance, sums.responses(ground.errors), is_testable(sums, np.diag(covariance)))
+    first = _Sums(sums.values, covariance, sums.responses(ground.errors), is_testable(sums, np.diag(covariance)))
+    tests, left = [test for test in hypotheses(ground) if _is_determined(ground, first, test)], first
     gone = set[tuple[str, ...]]()
     while True:
         possible = [test for test in tests if test.span not in gone and left.testable[list(test.columns)].any()]
@@ -146,8 +146,9 @@ def common_shifts(ground: GroundGroups, sums: ResidualSums, limit: float) -> Ite
         others = _alternatives(possible, squares, best, left.without(possible[best], sums), limit)
         chosen, others = _rather_stations(possible[best], others)
         chosen = _with_further_components(possible, chosen, left, sums)
-        chosen = _without_drift(possible, chosen, ground, sums, left.testable, limit)
-        common = _common(ground, sums, chosen, left.testable)
+        alone = first._replace(testable=left.testable)
+        chosen = _without_drift(possible, chosen, alone, limit)
+        common = _common(ground, alone, chosen)
         if chosen.extent == "one" and all(abs(error.size) < error.sd for error in common):
             chosen, common = possible[best], ()  # its coordinates cannot be told apart
         column = chosen.columns[0]
@@ -260,23 +261,31 @@ class _Estimate(NamedTuple):
     covariance: FloatArray
 
 
-def _estimated(ground: GroundGroups, sums: ResidualSums, test: Together, testable: BoolArray) -> _Estimate:
-    columns = [column for column in test.columns if testable[column]]
-    response = sums.responses(ground.errors)[np.ix_(columns, columns)]
-    inverse = np.linalg.pinv(response)
-    covariance = inverse @ sums.covariance()[np.ix_(columns, columns)] @ inverse.T
+def _estimated(sums: _Sums, test: Together) -> _Estimate:
+    columns = [column for column in test.columns if sums.testable[column]]
+    inverse = np.linalg.pinv(sums.response[np.ix_(columns, columns)])
+    covariance = inverse @ sums.covariance[np.ix_(columns, columns)] @ inverse.T
     return _Estimate(columns, np.asarray(-inverse @ sums.values[columns]), np.asarray(covariance))
 
 
-def _without_drift(
-    tests: Sequence[Together], best: Together, ground: GroundGroups, sums: ResidualSums, testable: BoolArray,
-    limit: float,
-) -> Together:  # fmt: skip
+def _is_determined(ground: GroundGroups, sums: _Sums, test: Together) -> bool:
+    """Tell whether an error would be found to a hundred times the a-priori error of the mean: unknowns absorb others.
+
+    Where observations have lost weight the sums of what is absorbed vary nevertheless, and its size would be anything.
+    """
+    if test.extent == "held":
+        return True
+    found = _estimated(sums, test)
+    of_mean = 1.0 / np.sum(ground.errors[:, found.columns] ** 2, axis=0)
+    return bool((np.diag(found.covariance) * TESTABLE < of_mean).all())
+
+
+def _without_drift(tests: Sequence[Together], best: Together, sums: _Sums, limit: float) -> Together:
     """Return the test of a strip's shift alone in place of one with a drift that is not significant itself.
 
     Where weights are reduced the statistic of both together overrates the drift.
     """
-    found = _estimated(ground, sums, best, testable)
+    found = _estimated(sums, best)
     names = dict(zip(best.columns, best.components, strict=True))
     drifts = [place for place, column in enumerate(found.columns) if names[column][1]]
     if not drifts:
@@ -288,13 +297,13 @@ def _without_drift(
     return next(test for test in tests if test.columns == best.groups)
 
 
-def _common(ground: GroundGroups, sums: ResidualSums, test: Together, testable: BoolArray) -> tuple[CommonError, ...]:
+def _common(ground: GroundGroups, sums: _Sums, test: Together) -> tuple[CommonError, ...]:
     """Return the errors of stations and of several components; none of others, or where none can be tested."""
     of_stations = any(test.groups[0] in strip.groups for strip in ground.strips)
     is_point = test.extent == "one" and len(test.columns) > 1
-    if not (of_stations or is_point or test.extent == "whole") or not testable[list(test.columns)].any():
+    if not (of_stations or is_point or test.extent == "whole") or not sums.testable[list(test.columns)].any():
         return ()
-    found = _estimated(ground, sums, test, testable)
+    found = _estimated(sums, test)
     names = dict(zip(test.columns, test.components, strict=True))
     return tuple(
         CommonError(*names[column], float(one), float(deviation))

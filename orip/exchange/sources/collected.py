@@ -7,7 +7,7 @@ from array import array
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from orip.records.exchanged import ExchangedPoints, ExchangedProject, ExchangedR
 from orip.wording import counted, first_names
 
 T = TypeVar("T")
+
+_ENDINGS = {"jpg": "jpg", "jpeg": "jpg", "tif": "tif", "tiff": "tif", "png": "png", "dng": "dng"}
+"""Endings of pictures, and one of each kind: a camera writes photos of one name in several kinds."""
 
 
 def tracks(project: ExchangedProject) -> Iterator[tuple[int, IntArray]]:
@@ -107,6 +110,26 @@ class CollectedPoints:
         return ExchangedPoints(tuple(names), np.array(self._coordinates, dtype=np.float64).reshape(-1, 3), is_track)
 
 
+class _Spelling(NamedTuple):
+    """The parts of a photo's name in small letters: "" for a folder, or the ending of a picture, that it lacks."""
+
+    folder: str
+    stem: str
+    ending: str
+
+    @classmethod
+    def of(cls, name: str) -> _Spelling:
+        folder, _, file = name.replace("\\", "/").casefold().rpartition("/")
+        stem, _, ending = file.rpartition(".")
+        return cls(folder, stem, _ENDINGS[ending]) if stem and ending in _ENDINGS else cls(folder, file, "")
+
+    def may_be(self, other: _Spelling) -> bool:
+        """Return whether both may name one photo: what one of them lacks is no difference."""
+        folders, endings = f"/{self.folder}", f"/{other.folder}"
+        is_inside = folders.endswith(endings) or endings.endswith(folders) or not (self.folder and other.folder)
+        return is_inside and (self.ending == other.ending or not (self.ending and other.ending))
+
+
 class PhotoNames:
     """The photos of a project, as other files name them: in the same letters, or in others where these leave no doubt.
 
@@ -118,37 +141,45 @@ class PhotoNames:
 
     def __init__(self, names: Iterable[str]) -> None:
         self._places = {name: place for place, name in enumerate(names)}
-        self._by_key: dict[str, list[str]] = {}
+        self._by_stem: dict[str, list[str]] = {}
         for name in self._places:
-            self._by_key.setdefault(name.casefold(), []).append(name)
+            self._by_stem.setdefault(_Spelling.of(name).stem, []).append(name)
         self._otherwise: Counter[str] = Counter()
         self._unknown: Counter[str] = Counter()
 
     def place(self, name: str) -> int | None:
         """Return the place of the photo that a row of another file belongs to; None, and remembered, if there is none.
 
-        Upper and lower case make no difference where only one photo is meant.
+        Upper and lower case, and a folder or an ending that only one of the two names has, make no difference where
+        only one photo is meant.
         """
         place = self._places.get(name)
         if place is None:
-            similar = self._by_key.get(name.casefold(), ())
+            similar = self._similar(name)
             place = self._places[similar[0]] if len(similar) == 1 else None
             (self._unknown if place is None else self._otherwise)[name] += 1
         return place
+
+    def _similar(self, name: str) -> list[str]:
+        """Return the photos that a name may mean: those that differ in upper and lower case alone, or all."""
+        spelling = _Spelling.of(name)
+        found = [other for other in self._by_stem.get(spelling.stem, ()) if spelling.may_be(_Spelling.of(other))]
+        return [other for other in found if other.casefold() == name.casefold()] or found
 
     def notes(self, file: str, noun: str, fate: str = "left out") -> list[str]:
         """Return what was not asked for by its exact name: counts of `noun`, what becomes of them, the first names."""
         notes = []
         if self._otherwise:
             first = min(self._otherwise)
-            meant = self._by_key[first.casefold()][0]
+            (meant,) = self._similar(first)
+            parts = "upper and lower case" if meant.casefold() == first.casefold() else "case, folder and ending"
             notes.append(
-                f"{counted(len(self._otherwise), 'photo')} of {file} matched without regard to upper and lower case: "
+                f"{counted(len(self._otherwise), 'photo')} of {file} matched without regard to {parts}: "
                 f"{first} is {meant}."
             )
         if self._unknown:
             lost = counted(self._unknown.total(), noun)
-            doubtful = any(name.casefold() in self._by_key for name in self._unknown)
+            doubtful = any(self._similar(name) for name in self._unknown)
             why = "no photo or, in other upper and lower case, several have" if doubtful else "no oriented photo has"
             notes.append(
                 f"{lost} of {file} {fate}, as {why} the names there: "

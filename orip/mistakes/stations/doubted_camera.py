@@ -56,14 +56,16 @@ def camera_instead_of_stations(misfit: Misfit) -> list[ProjectWarning]:
         started = _from_solved(block, misfit.solved)
         if found := _best(_signs(started, row), misfit.solved, without, misfit.readjuster):
             return found
+        of_lenses = np.inf
         for hypothesis in _lenses(block, row):
             tried = misfit.readjuster.adjust(hypothesis.block)
             if tried is None or not is_better(tried, misfit.solved):
                 continue
             if _is_other_lens(tried, misfit.solved, row) or _is_seen_without(hypothesis, row, block, misfit.readjuster):
                 return hypothesis.findings(tried)
-        # last, as a distortion takes up what another principal distance does
-        if found := _best(distortion_of_lens(started, row), misfit.solved, without, misfit.readjuster):
+            of_lenses = min(of_lenses, tried.weighing.cost(tried.equations))
+        # a distortion takes up what another principal distance does
+        if found := _best(distortion_of_lens(started, row), misfit.solved, without, misfit.readjuster, of_lenses - DECIDED):
             return found
     return []
 
@@ -89,10 +91,14 @@ def lens_of_doubted_camera(misfit: Misfit) -> list[ProjectWarning]:
 
 
 def _best(
-    hypotheses: Iterable[Hypothesis], solved: SolvedBlock, without: SolvedBlock | None, readjuster: Readjuster
-) -> list[ProjectWarning]:
-    """Return the hypothesis on a camera with which all fits best, if the positions then fit as they are."""
-    best, found = np.inf, []
+    hypotheses: Iterable[Hypothesis], solved: SolvedBlock, without: SolvedBlock | None, readjuster: Readjuster,
+    best: float = np.inf,
+) -> list[ProjectWarning]:  # fmt: skip
+    """Return the hypothesis on a camera with which all fits best, if the positions then fit as they are.
+
+    Its cost is below `best`.
+    """
+    found: list[ProjectWarning] = []
     for hypothesis in hypotheses:
         tried = readjuster.adjust(hypothesis.block)
         if tried is None or not (is_better(tried, solved) and _fits_positions(tried, without)):

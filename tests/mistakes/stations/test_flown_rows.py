@@ -10,8 +10,12 @@ from orip.bundle.groups.held_readouts import readout_test
 from orip.bundle.solve import SolvedBlock, solve_block
 from orip.errors import ProjectWarning
 from orip.interior.motions import motions, timed_photos
-from orip.mistakes.camera_values import rolling_shutters
+from orip.mistakes.camera_values import OF_READOUT_TIMES, READOUT_TIME, ROLLING_SHUTTER, rolling_shutters
 from orip.mistakes.hypothesis import Readjuster
+from orip.records.block import Block
+from orip.records.camera import READOUT
+from orip.solving.solve import solve
+from orip.structs import replace
 
 
 def adjusted(seed: int, readout: float, speed: float, unknown: tuple[str, ...] = ()) -> SolvedBlock:
@@ -70,3 +74,35 @@ def test_readouts_of_many_flights_are_within_their_errors_and_global_shutters_ar
     assert named >= 48
     assert np.mean(np.abs(rolling) < 2.0) >= 0.86  # 95 % less three standard errors
     assert np.mean(np.abs(still) < 1.96) >= 0.86
+
+
+def with_readout(block: Block, readout: float) -> Block:
+    (camera,) = block.cameras
+    return replace(block, cameras=(replace(camera, parameters=(*camera.parameters[:READOUT], readout)),))
+
+
+@pytest.mark.parametrize(("seed", "readout", "control"), [(1, 0.02, 99), (2, 0.2, 0), (4, 0.1, 1)])
+def test_a_readout_given_to_a_global_shutter_is_the_cause_and_no_station_is_accused(
+    seed: int, readout: float, control: int
+) -> None:
+    block = with_readout(flight(seed, 0.0, 10.0), readout)
+    found, _ = solve(replace(block, control_points=block.control_points[:control]))
+    first = found.diagnosis[0]
+    assert (first.where, first.text) == ("camera CAM", OF_READOUT_TIMES)
+    assert not [one.where for one in found.diagnosis if "station" in one.where or "control" in one.where]
+    assert found.status != "converged"
+    (said,) = [warning.text for warning in found.warnings if warning.code == READOUT_TIME]
+    assert f"readout = {readout:g} does not fit" in said
+    assert "its shutter exposes all rows at once" in said
+
+
+def test_a_readout_with_the_wrong_sign_is_told_with_the_right_one() -> None:
+    found, _ = solve(with_readout(flight(1, 0.02, 10.0), -0.02))
+    (said,) = [warning.text for warning in found.warnings if warning.code == READOUT_TIME]
+    assert 0.018 < float(said.split("write readout = ")[1].split()[0]) < 0.022
+
+
+@pytest.mark.parametrize("seed", [1, 3, 4])
+def test_a_readout_that_is_right_is_not_accused(seed: int) -> None:
+    found, _ = solve(with_readout(flight(seed, 0.03, 10.0), 0.03))
+    assert not [warning.code for warning in found.warnings if warning.code in (READOUT_TIME, ROLLING_SHUTTER)]
