@@ -31,8 +31,7 @@ _NEAR = 0.7
 """Part of the limit above which a residual puts its point in doubt: without weight it would be larger."""
 
 _CLOSE = 2.0
-"""Part of the limit up to which a residual may be that of an observation that fits with full weight: of many that have
-lost weight these are tried."""
+"""Part of the limit up to which observations are tried where many have lost weight: they may fit with full weight."""
 
 _FAR = 40.0
 """Parts of the limit from which a residual is too far off for linear theory."""
@@ -72,15 +71,8 @@ class Exchange(NamedTuple):
     ) -> FloatArray:
         """Return the correction (m + 3 b,) of an adjustment with the changed weights, from residuals (n,).
 
-        Parameters
-        ----------
-        residual : array (n,)
-        equations : Equations
-            With the design matrix of the normal equations.
-        weights : array (n,)
-            Of the normal equations.
-        normals : SolvedNormals
-            With their constraints.
+        `equations` have the design matrix of the normal equations, whose weights (n,) are given, `normals` their
+        constraints.
         """
         weighted = np.where(equations.active, weights, 0.0) * residual
         weighted[self.changed] += self.change * residual[self.changed]
@@ -150,7 +142,6 @@ def exchanges_to_try(
     ----------
     equations : Equations
     weights : array (n,)
-        Weight factors at the solution.
     normals : SolvedNormals
         With these weights, and their constraints.
     layout : Layout
@@ -159,7 +150,6 @@ def exchanges_to_try(
     among : array (n,) of bool
         Observations that may be exchanged.
     rounds : int
-        Most times that changes of weights begin again from the lowest end.
     hidden : bool
         Look for what hides behind other observations, and leave without weight what is too far off to be linear.
     """

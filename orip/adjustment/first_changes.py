@@ -90,7 +90,7 @@ def _hiding_each_other(start: LinearAdjustment, limit: float) -> tuple[IntArray,
 
 
 def left_out_together(start: LinearAdjustment, limit: float) -> list[FloatArray]:
-    """Return weights (c,) with two observations left out that hide each other, and with a third one that fits least then.
+    """Return weights (c,) without two observations that hide each other, and without a third one that fits least then.
 
     Three neighbours that are wrong by the same amount hold their photo where it is, whichever two of them are left out.
     """

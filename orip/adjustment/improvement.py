@@ -91,7 +91,14 @@ def next_attempt(
             return _attempt(now, moved, tried, reason), None
     if reason is not None and not (tried.hidden or now.weighing.of_tracks):
         found = _hidden(problem, now, weights, normals)
-        return next_attempt(problem, replace(now, tried=replace(tried, exchanges=found, hidden=True)), weights, normals, settings, reason)
+        return next_attempt(
+            problem,
+            replace(now, tried=replace(tried, exchanges=found, hidden=True)),
+            weights,
+            normals,
+            settings,
+            reason,
+        )
     return replace(now, tried=tried), reason
 
 
@@ -137,7 +144,10 @@ def _hidden(
     problem: Problem[StateT], now: IterationState[StateT], weights: FloatArray, normals: SolvedNormals
 ) -> tuple[Candidate[StateT], ...]:
     """Return where exchanges lead with which observations lose their weight that hide behind others."""
-    limit, equations = now.weighing.final_limit, replace(now.current.equations, rows=SparseRows(now.current.equations.design))
+    limit, equations = (
+        now.weighing.final_limit,
+        replace(now.current.equations, rows=SparseRows(now.current.equations.design)),
+    )
     among = wrong_one_by_one(equations, weights, limit) | wrong_by_themselves(equations, weights)
     if not are_many(weights[among]):
         return ()

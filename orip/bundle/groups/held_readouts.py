@@ -1,8 +1,8 @@
 """Cameras whose rows were exposed one after the other while they flew: residuals along the flight depend on the row.
 
 The readout time is tested as an unknown that was held, at zero or another value (a score test): by the residuals of the
-photo points and the partials of the exact model, with motions from the adjusted orientations and the times of exposure stations. What
-the other unknowns absorb has no part in it; where they absorb all, nothing is said.
+photo points and the partials of the exact model, with motions from the adjusted orientations and the times of exposure
+stations. What the other unknowns absorb has no part in it; where they absorb all, nothing is said.
 """
 
 from __future__ import annotations

@@ -65,7 +65,9 @@ def camera_instead_of_stations(misfit: Misfit) -> list[ProjectWarning]:
                 return hypothesis.findings(tried)
             of_lenses = min(of_lenses, tried.weighing.cost(tried.equations))
         # a distortion takes up what another principal distance does
-        if found := _best(distortion_of_lens(started, row), misfit.solved, without, misfit.readjuster, of_lenses - DECIDED):
+        if found := _best(
+            distortion_of_lens(started, row), misfit.solved, without, misfit.readjuster, of_lenses - DECIDED
+        ):
             return found
     return []
 

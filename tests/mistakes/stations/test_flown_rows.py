@@ -91,18 +91,18 @@ def test_a_readout_given_to_a_global_shutter_is_the_cause_and_no_station_is_accu
     assert (first.where, first.text) == ("camera CAM", OF_READOUT_TIMES)
     assert not [one.where for one in found.diagnosis if "station" in one.where or "control" in one.where]
     assert found.status != "converged"
-    (said,) = [warning.text for warning in found.warnings if warning.code == READOUT_TIME]
+    (said,) = [text for code, _, text in found.warnings if code == READOUT_TIME]
     assert f"readout = {readout:g} does not fit" in said
     assert "its shutter exposes all rows at once" in said
 
 
 def test_a_readout_with_the_wrong_sign_is_told_with_the_right_one() -> None:
     found, _ = solve(with_readout(flight(1, 0.02, 10.0), -0.02))
-    (said,) = [warning.text for warning in found.warnings if warning.code == READOUT_TIME]
+    (said,) = [text for code, _, text in found.warnings if code == READOUT_TIME]
     assert 0.018 < float(said.split("write readout = ")[1].split()[0]) < 0.022
 
 
 @pytest.mark.parametrize("seed", [1, 3, 4])
 def test_a_readout_that_is_right_is_not_accused(seed: int) -> None:
     found, _ = solve(with_readout(flight(seed, 0.03, 10.0), 0.03))
-    assert not [warning.code for warning in found.warnings if warning.code in (READOUT_TIME, ROLLING_SHUTTER)]
+    assert not [code for code, _, _ in found.warnings if code in (READOUT_TIME, ROLLING_SHUTTER)]
