@@ -22,7 +22,7 @@ from orip.structs import replace
 
 pytestmark = pytest.mark.skipif(not photo_loop.is_compiled(), reason="the extension was not built: no compiler here")
 
-OWN = 16
+OWN = 17
 """Where the arguments begin that each loop has for itself: orip/bundle/compiled/module.c."""
 OF_CAMERA, OF_PHOTO, OF_POINT, ORDER, START, BLOCK_NUMBER, GROUP_START, RUNS_START, RUNS = range(3, 12)
 """Arguments of a layout."""
