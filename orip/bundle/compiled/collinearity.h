@@ -195,24 +195,31 @@ INLINE void axis_matrix(const Lanes *a, Lanes square, Lanes sine, Lanes versine,
     }
 }
 
-/* Below it the terms that follow in the series are smaller than rounding. */
-#define SMALL_ANGLE 1e-3
+/* Square of an angle below which the terms that follow in the series are smaller than rounding. */
+#define SMALL_SQUARE 0.1
+
+/* 1 / n! - s / (n + 2)! + s^2 / (n + 4)! ... for small s; factorial: n!. */
+INLINE Lanes alternating_series(Lanes s, int n, double factorial)
+{
+    double term[6] = {1.0 / factorial};
+    for (int k = 1; k < 6; k++)
+        term[k] = -term[k - 1] / ((n + 2 * k - 1) * (n + 2 * k));
+    return term[0] + s * (term[1] + s * (term[2] + s * (term[3] + s * (term[4] + s * term[5]))));
+}
 
 /* Exp([a]x), and J with Exp([a + d]x) = Exp([J d]x) Exp([a]x) for small d: see rotation_about_axes of
  * orip/geometry/rotation.py and orip/geometry/rolling_shutter.py. */
 INLINE void rotation_about(const Lanes *a, Lanes *rotation, Lanes *by_turns)
 {
     const Lanes square = a[0] * a[0] + a[1] * a[1] + a[2] * a[2];
-    Lanes sine = ALL(1.0), versine = ALL(0.5), rest = ALL(0.0);
-    for (int lane = 0; lane < LANES; lane++) {
-        const double angle = sqrt(LANE(square, lane));
-        if (angle > 0.0) {
-            const double half = sin(0.5 * angle) / angle;
+    Lanes sine = alternating_series(square, 1, 1.0), versine = alternating_series(square, 2, 2.0);
+    Lanes rest = alternating_series(square, 3, 6.0);
+    for (int lane = 0; lane < LANES; lane++)
+        if (LANE(square, lane) > SMALL_SQUARE) {
+            const double angle = sqrt(LANE(square, lane)), half = sin(0.5 * angle) / angle;
             LANE(sine, lane) = sin(angle) / angle, LANE(versine, lane) = 2.0 * half * half;
+            LANE(rest, lane) = (1.0 - LANE(sine, lane)) / LANE(square, lane);
         }
-        LANE(rest, lane) = angle < SMALL_ANGLE ? 1.0 / 6.0 - LANE(square, lane) / 120.0
-                                               : (angle - sin(angle)) / (angle * LANE(square, lane));
-    }
     axis_matrix(a, square, sine, versine, rotation);
     axis_matrix(a, square, versine, rest, by_turns);
 }
