@@ -37,7 +37,6 @@ else:
 
 IntArray = NDArray[np.int32]
 
-
 _PHOTO_ORDER = (0, 1, 2, 5, 3, 4)
 
 _VECTORS = 8
@@ -234,8 +233,7 @@ class PhotoPointLoop(Struct, frozen=True):
         return tuple(np.ascontiguousarray(array) for array in arrays)
 
     def _places(self, arrangement: Arrangement) -> tuple[IntArray, IntArray]:
-        # CONSTANT is -1, the last index: a constant has no place
-        places = np.append(arrangement.places, CONSTANT).astype(np.int32)
+        places = np.append(arrangement.places, CONSTANT).astype(np.int32)  # CONSTANT is -1, the last index
         return places[self.cameras.columns], places[self.photo_columns]
 
     def _coupling(self, coupling: StreamedCoupling) -> tuple[object, ...]:
@@ -378,9 +376,8 @@ def photo_loop(points: PhotoPointObservations, unknowns: Unknowns, coordinates: 
     camera_of_photo[points.photo] = points.camera
     cameras = cameras_of_loop(points, unknowns)
     pattern = pattern_of_loop(points.photo, block, of_block, camera_of_photo, len(unknowns.cameras))
-    of_photos = unknowns.photos[:, _PHOTO_ORDER]
-    if points.has_unknown_motions:
-        of_photos = np.hstack([of_photos, unknowns.motions])
+    motions = [unknowns.motions] if points.has_unknown_motions else []
+    of_photos = np.hstack([unknowns.photos[:, _PHOTO_ORDER], *motions])
     return PhotoPointLoop(
         points,
         cameras,
