@@ -63,7 +63,6 @@ class OnlineSession:
 
     Parameters
     ----------
-    folder : Path
     bundle : str or None
         None: the project's only one.
     seconds : float or None
@@ -127,7 +126,6 @@ class OnlineSession:
 
         Parameters
         ----------
-        photo, point : str
         xy : tuple
             As in a measurement file.
 
@@ -155,7 +153,6 @@ class OnlineSession:
 
         Parameters
         ----------
-        photo, point : str
         xy : tuple or None
             As in the file; None: what was measured of the point there is deleted, and there is no answer.
         """
