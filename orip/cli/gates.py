@@ -38,7 +38,7 @@ def register(app: typer.Typer) -> None:
     _register_compare(app)
 
     def check_command(invocation: Invocation, expressions: Expressions = None, bundle: BundleOption = None) -> None:
-        from orip.workflow.adjust.compare import CHECKED, check
+        from orip.workflow.adjust.checked_gates import CHECKED, check
         from orip.workflow.project.bundle_state import read_bundle
 
         outcome = check(read_bundle(invocation.folder, bundle, *CHECKED), expressions or ())
