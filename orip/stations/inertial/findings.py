@@ -63,8 +63,9 @@ def findings(solved: Solved, filtered: Filtered, named: Named) -> Iterator[Proje
         )
         yield ProjectWarning("unit-contradicts", named.imu, text)
         return
+    graph = solved.graph
     for code, text in said_of_common_errors(
-        common_errors(solved), named.shift, solved.graph.observed.lever_arm.tolist()
+        common_errors(solved), named.shift, graph.observed.lever_arm.tolist(), is_corrected=graph.delay != 0.0
     ):
         yield ProjectWarning(code, named.imu if code == "time-offset" else named.positions, text)
     yield from _wrong_fixes(solved, filtered, named)
