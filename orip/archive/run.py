@@ -49,7 +49,6 @@ class ArchiveRequest(Struct, frozen=True):
         Folders whose projects are run.
     results : Path
         The folder of results.
-    settings : TaskSettings
     method : str
         The method in words, for the overview.
     scheduler : str or None

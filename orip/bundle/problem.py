@@ -62,8 +62,6 @@ class BlockProblem(Struct, frozen=True):
 
     Parameters
     ----------
-    block : Block
-    unknowns : Unknowns
     observations : tuple of Observations
         One of each kind, in the order of their rows.
     datum : FreeDatum or None
@@ -72,7 +70,6 @@ class BlockProblem(Struct, frozen=True):
         Observations left out as blunders: their residuals are computed, but have no influence.
     streamed : tuple (loop, others) or None
         What passes over the photo points, and the problem of all other rows; None: the design matrix is stored.
-    strips : tuple of TimedPhotos, from which motions follow
     """
 
     block: Block

@@ -327,7 +327,6 @@ def format_named(name: str, known: Sequence[Format] = FORMATS) -> Format:
 
     Parameters
     ----------
-    name : str
     known : sequence of Format
         Those that are named where there is none of that name.
 

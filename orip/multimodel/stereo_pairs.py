@@ -36,7 +36,6 @@ def stereo_pairs(solution: Solution, ground: GroundSystem) -> tuple[StereoModel,
 
     Parameters
     ----------
-    solution : Solution
     ground : GroundSystem
         In which rays are straight.
     """

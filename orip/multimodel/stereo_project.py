@@ -29,7 +29,6 @@ def open_stereo(
 
     Parameters
     ----------
-    folder : Path
     bundle : str or None
         None: the project's only one.
     extents : mapping of str

@@ -47,13 +47,8 @@ class Given(Struct, frozen=True):
 
     Parameters
     ----------
-    settings : PlanSettings
-    camera : Camera
     bundle : BundleDefinition
         Whose precision and settings are those of the forecast.
-    terrain : callable
-    control : Control
-    state : ProjectState
     """
 
     settings: PlanSettings

@@ -13,7 +13,6 @@ def in_degrees(control: Control, degrees: float) -> Control:
 
     Parameters
     ----------
-    control : Control
     degrees : float
         Of a unit of the files; 1: nothing is to be done.
     """

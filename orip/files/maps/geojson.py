@@ -29,7 +29,6 @@ def collection(name: str, crs: str | None, features: Iterable[Mapping[str, objec
 
     Parameters
     ----------
-    name : str
     crs : str or None
         Of the project; None: the coordinates are its own.
     features : iterable of mappings

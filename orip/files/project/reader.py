@@ -29,7 +29,6 @@ class RecordLines(Mapping[tuple[str, str], int]):
     ----------
     places : mapping
         Keys and indices that lead to each record.
-    lines : TomlLines
     """
 
     def __init__(self, places: Mapping[tuple[str, str], KeyPath], lines: TomlLines) -> None:
@@ -50,7 +49,6 @@ class ProjectText(Struct, frozen=True):
 
     Parameters
     ----------
-    definition : ProjectDefinition
     lines : mapping of (section, name) to int
         Line of a record, by ``("photo", record_key(name))``; sections are project (name ``""``), camera, temtick,
         template, photo, bundle, and model with ``"BUNDLE MODEL"``.

@@ -28,7 +28,6 @@ class Flight(Struct, frozen=True):
 
     Parameters
     ----------
-    names, strips : tuples of str
     places : array (n, 3)
     within : float
         An exposure is flown where it is passed within this distance, level and in height.
@@ -64,7 +63,6 @@ class Progress(Struct, frozen=True):
 
     Parameters
     ----------
-    flight : Flight
     states : tuple of {"planned", "flown", "missed"}
     place : array (3,) or None
         Where the camera is.

@@ -55,12 +55,10 @@ class ProjectFolder(Struct, frozen=True):
 
     Parameters
     ----------
-    folder : Path
     definition : ProjectDefinition
         As the text says; distortions not yet taken to the polynomial.
     lines : mapping (kind, record_key) to int
         The line of each record in orip.toml.
-    warnings : tuple of ProjectWarning
     bundles_of_commands : tuple of str
         Bundles of the store that orip.toml does not define: they were added, copied or renamed by commands.
     control_of_bundles : mapping of record_key to str

@@ -39,7 +39,6 @@ class TextOutput(Struct, frozen=True):
 
     Parameters
     ----------
-    path : Path
     pieces : callable
         Gives the text or bytes; called when it is written.
     remedy : str
@@ -56,7 +55,6 @@ class EditedText(Struct, frozen=True):
 
     Parameters
     ----------
-    path : Path
     before : str or None
         Digest of the text that was edited; None: there was none.
     text : str
@@ -152,7 +150,6 @@ def require_replaceable(
 
     Parameters
     ----------
-    project : ProjectFolder
     path : Path
         The output.
     force : bool
@@ -239,8 +236,6 @@ def solution_outputs(project: ProjectFolder, solution: Solution, measured: Photo
 
     Parameters
     ----------
-    project : ProjectFolder
-    solution : Solution
     measured : PhotoObservations
         Those that were adjusted.
     """

@@ -56,12 +56,7 @@ class ControlInput(Struct, frozen=True):
 
 
 class ProjectTexts:
-    """All text files of a project except orip.toml; each is read once, when it is first needed.
-
-    Parameters
-    ----------
-    project : ProjectFolder
-    """
+    """All text files of a project except orip.toml; each is read once, when it is first needed."""
 
     def __init__(self, project: ProjectFolder) -> None:
         self._project = project

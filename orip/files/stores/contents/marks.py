@@ -70,7 +70,6 @@ class OrientationTables(Struct, Generic[Orientation], frozen=True):
 
     Parameters
     ----------
-    kind : type of the records
     table : StoreTable
         Its first column is the name of the photo or template.
     marks : StoreTable
