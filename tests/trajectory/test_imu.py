@@ -161,7 +161,7 @@ def test_noise_that_is_said_too_small_is_found(truth):
 
 
 def test_noise_of_each_kind_of_sensor_is_estimated_by_itself(truth):
-    """Beside such accelerometers gyroscopes say little: the logarithm of their factor scatters by 0.3, of seven seeds."""
+    """Beside such accelerometers gyroscopes say little: the logarithm of their factor scatters by 0.3."""
     given = replace(MEMS, gyro=MEMS.gyro * 8.0, accelerometer=MEMS.accelerometer * 50.0)
     imu, fixes = observed(truth, given, np.random.default_rng(4), interval=0.25, speed=0.05)
     found = smooth(Observed(imu, fixes, GRAVITY, MEMS, LEVER_ARM)).trajectory.factors

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import numpy as np
 from msgspec import Struct
-from scipy.spatial.transform import Rotation
 
 from orip.arrays import FloatArray
 from orip.geometry.frames import EARTH_RATE
