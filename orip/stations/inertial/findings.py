@@ -78,8 +78,10 @@ def findings(solved: Solved, filtered: Filtered, named: Named) -> Iterator[Proje
 
 def _untested(solved: Solved, named: Named) -> Iterator[ProjectWarning]:
     """Say where nothing shows whether the unit is as precise as was given, on which standard deviations rest."""
+    if solved.trajectory.factors.unit != 1.0:
+        return
     redundancy = solved.unit_redundancy()
-    if solved.trajectory.factors.unit == 1.0 and redundancy < _LEAST_REDUNDANCY:
+    if redundancy < _LEAST_REDUNDANCY:
         text = (
             f"whether the unit is as precise as --noise says is not tested: its samples have a redundancy of "
             f"{redundancy:.1f} beside these positions; the standard deviations of attitudes are as good as --noise"
