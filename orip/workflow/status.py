@@ -33,7 +33,6 @@ class ProjectStatus(Struct, frozen=True):
 
     Parameters
     ----------
-    project : ProjectFolder
     counts : tuple of (str, int)
         Cameras, templates, photos, bundles defined; photo points measured; exposure stations, if there are any; names
         in the singular.
@@ -41,7 +40,6 @@ class ProjectStatus(Struct, frozen=True):
         In the order of the work.
     next_command : str or None
         What comes next; None when everything is up to date.
-    warnings : tuple of ProjectWarning
     """
 
     project: ProjectFolder
@@ -116,8 +114,7 @@ def _stations(state: ProjectState) -> Iterator[tuple[str, int]]:
 
 
 def _station_steps(state: ProjectState) -> list[Step]:
-    definition = state.project.definition
-    if definition.gnss is None and definition.imu is None:  # few projects have files of receivers
+    if not state.project.definition.has_receivers:  # few projects have files of receivers
         return []
     return list(annex(STATION_STEPS).station_steps(state))
 

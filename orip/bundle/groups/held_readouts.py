@@ -48,7 +48,6 @@ def readout_test(solved: SolvedBlock, camera: int, motions: FloatArray) -> Reado
 
     Parameters
     ----------
-    solved : SolvedBlock
     camera : int
         Its row in the block.
     motions : array (number of photos, 6)

@@ -34,10 +34,10 @@ from orip.records.fields import Field, Part, RecordField, fields_by_key, without
 # carries an example; messages about a wrong value show it. What concerns several records together is looked at in
 # `checks`.
 
-SINGLE_SECTIONS = ("project", "check", "report", "plan", "gnss", "imu")
+SINGLE_SECTIONS = ("project", "check", "report", "plan", "gnss", "gnss_network", "imu")
 RECORD_SECTIONS = ("camera", "temtick", "template", "photo", "antenna", "terrain", "rig", "exposure", "bundle")
 SECTIONS = (*SINGLE_SECTIONS, *RECORD_SECTIONS)
-"""Tables of orip.toml; all but the first six may come several times."""
+"""Tables of orip.toml; all but `SINGLE_SECTIONS` may come several times."""
 
 
 class ProjectTable(Struct, frozen=True):
@@ -206,7 +206,6 @@ def table_faults(findings: Sequence[Finding], table: Table, title: str, place: P
 
     Parameters
     ----------
-    findings : sequence of Finding
     table : Table
         The keys that were allowed.
     title : str
