@@ -41,7 +41,7 @@ def test_contradicting_rays_are_told_alike_from_every_start(scene: str, run: int
     assert all(found.converged)
 
 
-@pytest.mark.parametrize("run", [30, 46, 58])
+@pytest.mark.parametrize("run", [23, 30, 46, 58, 65, 82])
 def test_neighbours_wrong_together_are_told_alike_from_every_start(run: int) -> None:
     # some in points of two and three rays had turned a photo, and pushed out what is right
     assert starts_run((FEW_RAYS, run)).same_cost
@@ -50,8 +50,8 @@ def test_neighbours_wrong_together_are_told_alike_from_every_start(run: int) -> 
 @pytest.mark.long
 @pytest.mark.timeout(7200)
 def test_blunders_in_points_of_few_rays_end_at_the_same_cost() -> None:
-    # of the first 104 blocks 99 do, and 299 of their 312 ends are the lowest known; far below that
-    assert figures(FEW_RAYS, 170, 2)[1] >= 0.83
+    # of the first 104 blocks 103 do, and 311 of their 312 ends are the lowest known; far below that
+    assert figures(FEW_RAYS, 170, 2)[1] >= 0.96
 
 
 @pytest.mark.long
