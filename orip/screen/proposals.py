@@ -41,6 +41,7 @@ _REASONS = {
     Fate.WEAK: "weak texture",
     Fate.ALONE: "does not correlate",
     Fate.CONTRADICTS: "contradicts others",
+    Fate.ALIKE: "another place looks alike",
 }
 
 

@@ -26,6 +26,12 @@ _STEP = 1.2
 _LEAST_PEAK = 0.6
 """Correlation from which on what was found is matched."""
 
+_APART = 3
+"""Pixels from the highest peak of the correlation beyond which another one is of another place."""
+
+_LEAST_LEAD = 0.05
+"""Of the highest peak before those of other places: with less, nothing but the neighbours says which is the point."""
+
 
 class Expected(Struct, frozen=True):
     """Where a photo is expected to show the point.
@@ -107,7 +113,7 @@ def find_point(
     starts = [_searched(grey, place, other) for other in others]
     rays = [
         (grey, place, np.eye(2)),
-        *((one.grey, start, one.affine) for one, (start, _) in zip(others, starts, strict=True)),
+        *((one.grey, start, one.affine) for one, (start, *_) in zip(others, starts, strict=True)),
     ]
     middles = [np.floor(at) for _, at, _ in rays]
     windows = Windows(
@@ -122,11 +128,13 @@ def find_point(
     back = matched.affine @ np.linalg.inv(matched.affine[0])
     places = matched.centre + matched.affine @ in_patch
     found = []
-    for ray, (_, peak) in enumerate(starts, start=1):
+    for ray, (_, peak, lead) in enumerate(starts, start=1):
         covariance = matched.covariance[ray] + back[ray] @ matched.covariance[0] @ back[ray].T
         fate = Fate(int(matched.fate[ray]))
         if fate == Fate.MATCHED and peak < _LEAST_PEAK:
             fate = Fate.CORRELATION
+        if fate == Fate.MATCHED and lead < _LEAST_LEAD:
+            fate = Fate.ALIKE
         if fate == Fate.MATCHED and matched.fate[0] != Fate.MATCHED:
             fate = Fate(int(matched.fate[0]))
         at = places[ray] + middles[ray] - HALF + 0.5
@@ -136,8 +144,8 @@ def find_point(
 
 def _searched(
     grey: NDArray[np.uint8], place: NDArray[np.float64], other: Expected
-) -> tuple[NDArray[np.float64], float]:
-    """Return where another photo correlates best with the patch around a place, and how well."""
+) -> tuple[NDArray[np.float64], float, float]:
+    """Return where another photo correlates best with the patch around a place, how well, and how much better there."""
     import cv2
 
     reach = SEARCHED + _PATCH
@@ -145,8 +153,11 @@ def _searched(
     around = _resampled(other.grey, other.place, other.affine, reach)
     scores: Any = cv2.matchTemplate(around, patch, cv2.TM_CCOEFF_NORMED)
     row, column = np.unravel_index(int(np.argmax(scores)), scores.shape)
+    peak = float(scores[row, column])
+    is_peak = scores == cv2.dilate(scores, np.ones((2 * _APART - 1, 2 * _APART - 1)))
+    is_peak[max(row - _APART, 0) : row + _APART + 1, max(column - _APART, 0) : column + _APART + 1] = False
     offset = np.array([column, row], dtype=np.float64) - SEARCHED
-    return other.place + other.affine @ offset, float(scores[row, column])
+    return other.place + other.affine @ offset, peak, peak - float(scores[is_peak].max(initial=-1.0))
 
 
 def _resampled(
