@@ -44,11 +44,17 @@ class Expected(Struct, frozen=True):
         Column and row from the outer corner of the upper left pixel.
     affine : ndarray (2, 2)
         From pixels of the photo that shows the point to pixels of this one.
+    along : tuple of 2 float
+        Unit vector of the epipolar line.
+    width : float
+        How far off it the point may be, pixels.
     """
 
     grey: NDArray[np.uint8]
     place: NDArray[np.float64]
     affine: NDArray[np.float64]
+    along: tuple[float, float] = (1.0, 0.0)
+    width: float = np.inf
 
 
 class Transfer(Struct, frozen=True):
@@ -152,12 +158,14 @@ def _searched(
     patch = _resampled(grey, place, np.eye(2), _PATCH)
     around = _resampled(other.grey, other.place, other.affine, reach)
     scores: Any = cv2.matchTemplate(around, patch, cv2.TM_CCOEFF_NORMED)
-    row, column = np.unravel_index(int(np.argmax(scores)), scores.shape)
-    peak = float(scores[row, column])
-    is_peak = scores == cv2.dilate(scores, np.ones((2 * _APART - 1, 2 * _APART - 1)))
-    is_peak[max(row - _APART, 0) : row + _APART + 1, max(column - _APART, 0) : column + _APART + 1] = False
-    offset = np.array([column, row], dtype=np.float64) - SEARCHED
-    return other.place + other.affine @ offset, peak, peak - float(scores[is_peak].max(initial=-1.0))
+    columns, rows = np.meshgrid(*(2 * [np.arange(-SEARCHED, SEARCHED + 1.0)]))
+    across, down = other.affine @ [columns.ravel(), rows.ravel()]
+    off = (across * other.along[1] - down * other.along[0]).reshape(scores.shape)
+    is_peak = (scores == cv2.dilate(scores, np.ones((2 * _APART - 1, 2 * _APART - 1)))) & (np.abs(off) <= other.width)
+    at = np.unravel_index(int(np.argmax(np.where(is_peak, scores, -1.0) if is_peak.any() else scores)), scores.shape)
+    is_peak &= np.maximum(np.abs(columns - columns[at]), np.abs(rows - rows[at])) > _APART
+    lead = float(scores[at] - scores[is_peak].max(initial=-1.0))
+    return other.place + other.affine @ [columns[at], rows[at]], float(scores[at]), lead
 
 
 def _resampled(
