@@ -336,7 +336,7 @@ def posed(block: Block) -> Posed:
 def pose_problem(block: Block) -> BlockProblem:
     """Return the problem of a block."""
     problem, photo_points, others, couples_points = posed(block)
-    if not couples_points and (problem.unknowns.motions == CONSTANT).all():
+    if not couples_points:
         loop = photo_loop if problem.unknowns.rigs is None else rig_loop
         problem = _arranged(problem, loop(photo_points, problem.unknowns, block.point_start), others)
     return freed(problem, block) if block.is_free_network else problem

@@ -11,8 +11,8 @@ from msgspec import Struct, field
 
 from orip.errors import InputError, NoFolderError, NoProjectError, ProjectWarning, UsageError
 from orip.files.project.reader import read_project
-from orip.files.stores.contents import exterior
 from orip.files.stores.contents.definitions import StoredRecord
+from orip.files.stores.contents.stores import read_bundles
 from orip.files.stores.digest import record_digest
 from orip.files.stores.identity import refuse_older_stores
 from orip.files.stores.transaction import reading
@@ -288,7 +288,7 @@ def open_project(folder: Path) -> ProjectFolder:
     of_bundles = [project.observations(bundle.name) for bundle in project.definition.bundles]
     refuse_older_stores([*project.record_stores, *of_bundles])
     with reading([project.exterior]) as stores:
-        stored = exterior.read(stores[project.exterior])
+        stored = read_bundles(stores[project.exterior])
     names, control = _bundles_of_commands(project, stored), _control_of_bundles(project, stored)
     return replace(project, bundles_of_commands=names, control_of_bundles=control)
 

@@ -15,7 +15,8 @@ from msgspec import Struct
 from orip.errors import OripError, UsageError
 from orip.files.identification import run_of_listing, run_of_result
 from orip.files.project.file_names import IGNORE_FILE
-from orip.files.stores.contents import exterior, observations
+from orip.files.stores.contents import observations
+from orip.files.stores.contents.stores import read_bundles
 from orip.files.stores.digest import run_of
 from orip.files.stores.store import Store
 from orip.files.stores.transaction import reading, remove_empty
@@ -110,7 +111,7 @@ def remove_leftovers_of_kills(project: ProjectFolder) -> None:
             if folder.is_dir() and not folder.is_symlink():
                 remove_leftovers(folder)
         with reading([project.exterior]) as stores:
-            defined = [bundle.record.name for bundle in exterior.read(stores[project.exterior])]
+            defined = [bundle.record.name for bundle in read_bundles(stores[project.exterior])]
         # orip.toml may still have the old name of a bundle that was renamed
         for path in _stores_of_no_bundle(project, defined):
             remove_empty(path, _has_nothing)

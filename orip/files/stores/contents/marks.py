@@ -80,6 +80,11 @@ class OrientationTables(Struct, Generic[Orientation], frozen=True):
     table: StoreTable
     marks: StoreTable
 
+    @property
+    def tables(self) -> tuple[StoreTable, ...]:
+        """Return both tables."""
+        return self.table, self.marks
+
     def read(self, store: Store) -> dict[str, Orientation]:
         """Return the orientations by the `record_key` of their photo or template, sorted by name."""
         marks = store.lists(self.marks)
