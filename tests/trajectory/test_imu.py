@@ -345,6 +345,8 @@ def table_of(count: int) -> str:
         ("1 0 0 -9.8 0 0 0\n" * 200, "is not later than the one before it"),
         ("\n".join(f"{n / 100} 0 0 -9.8 0 0 0" for n in range(200)) + "\n9 0 0 -9.8 0 0 0", "s without samples"),
         ("\n".join(f"{n / 100} 0 0 -9.8 0 0 nan" for n in range(200)), "not finite"),
+        ("\n".join(f"{n / 100} 0 0 -9.8e999 0 0 0" for n in range(200)), "not finite"),
+        ("\n".join(f"{n / 100} 0 0 -9.8e300 0 0 0" for n in range(200)), "larger than anything"),
         ("\n".join(f"{n / 100} 0 0 -9.8 0 0 99" for n in range(200)), "--rate-unit deg/s"),
         ("\n".join(f"{n / 100} 0 0 -9.8 0 0 0" for n in range(200)) + "\nx y z 1 2 3 4", "is no row of numbers"),
         (table_of(200) + "2,0,0,-9.8,0,0,0,4", "8 columns where the rows before it have 7"),
