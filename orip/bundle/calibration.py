@@ -159,8 +159,8 @@ def calibration_diagnosis(solved: SolvedBlock) -> Iterator[Diagnosis]:
         if test.verdict == "not determinable":
             text = f"{names} of {where} hardly differs from the other unknowns ({test.lost_digits:.1f} digits lost)"
         else:
-            text = f"{names} of {where} is not significant ({test.statistic:.2f}, limit {test.limit:.2f})"
-        remedy = "hold it at zero, or let 'orip solve --prune' do so"
+            text = f"{names} of {where} {'is' if len(test.parameters) == 1 else 'are'} not significant ({test.statistic:.2f}, limit {test.limit:.2f})"
+        remedy = f"hold {'it' if len(test.parameters) == 1 else 'them'} at zero, or let 'orip solve --prune' do so"
         if test not in candidates:
             remedy = "judge it again when the higher orders are held at zero"
         yield Diagnosis("not-significant", where, text, remedy)

@@ -91,14 +91,17 @@ CONSEQUENCES: tuple[Consequence, ...] = (
     Consequence(EXPLAINING_WARNINGS, warnings=None, of_same_photo=True),
     # where pictures are wrong, preliminary values are, and what a camera seems to have
     Consequence(
-        (*EXPLAINING_WARNINGS, *SHORT_TEXTS_OF_VERTICAL_PHOTOS, *CAMERA_SIGNS, OTHER_LENS, MIRRORED, ANOTHER_FLIGHT),
+        (*EXPLAINING_WARNINGS, *SHORT_TEXTS_OF_VERTICAL_PHOTOS, *CAMERA_SIGNS, OTHER_LENS, MIRRORED, ANOTHER_FLIGHT,
+         TWO_LENSES, "other-camera"),
         warnings=("preliminary-values", "photo-left-out", "one-ray"),
     ),
     Consequence(("outside-frame", "senseless-camera"), warnings=(FAR_FROM_GIVEN,), groups=(*_GROUND, "check point")),
     # positions that are wrong lead nowhere, and photos are not where they were given
     Consequence(OF_STATIONS, warnings=(REPLACED, *_OF_START), groups=_GROUND),
     # coordinates in another unit make their errors those of no survey
-    Consequence(SHORT_TEXTS_OF_SYSTEMS, warnings=("error-unit", TOO_SMALL)),
+    Consequence(SHORT_TEXTS_OF_SYSTEMS, warnings=("error-unit", TOO_SMALL, DISTANCE_UNIT), groups=("distance",)),
+    # a longer lens shows its points beyond the frame of the shorter one
+    Consequence((TWO_LENSES,), warnings=("outside-frame", STRAY_POINTS)),
     Consequence(
         (TOO_SMALL,), warnings=(SCATTERED, POSITION, CONTROL, PRECISION, REPLACED), groups=(*_GROUND, "check point")
     ),
@@ -115,7 +118,7 @@ CONSEQUENCES: tuple[Consequence, ...] = (
     # weights that are a hundred times too large bend the block
     Consequence((PRECISION,), warnings=None, groups=(*_GROUND, "check point", "camera", "photo")),
     # a camera displaces photos along their axes, and these the control
-    Consequence((OTHER_LENS, *CAMERA_SIGNS), groups=_GROUND),
+    Consequence((OTHER_LENS, *CAMERA_SIGNS), groups=(*_GROUND, "distance")),
     Consequence((DISTANCE_UNIT,), groups=("distance", "exposure station", "control point")),
     Consequence((DISTANCE_AXES,), groups=("distance",)),
     Consequence((DISTANCE,), groups=("distance",)),
