@@ -128,11 +128,8 @@ def explain_misfit(
     elsewhere = None if is_good(given) else _with_found_orientations(readjuster, from_own_values)
     if elsewhere is not None and (found := _misgiven(elsewhere, readjuster.block)):
         return _or_mirrored(found, elsewhere, readjuster)
-    if readjuster.is_worthwhile:
-        tried = hypotheses_of_misfit(solution, solved, given, started, readjuster)
-        if found := _best_explanation(tried, given, readjuster):
-            return found
-    if found := two_lenses_of_photos(misfit):
+    tried = hypotheses_of_misfit(solution, solved, given, started, readjuster) if readjuster.is_worthwhile else ()
+    if found := _best_explanation(tried, given, readjuster) or two_lenses_of_photos(misfit):
         return found
     if elsewhere is not None:
         return _shown_elsewhere(elsewhere, readjuster)

@@ -214,7 +214,7 @@ def find_reduced_pictures(definitions: Definitions, observations: PhotoObservati
         parts = observations.measured[rows] / [camera.sensor.columns, camera.sensor.rows]
         reached, middle = parts.max(axis=0), 0.5 * (parts.min(axis=0) + parts.max(axis=0))
         for factor in _FACTORS:
-            is_filled = ((_FILLED < reached * factor) & (reached * factor < _EDGE)).all()
+            is_filled = ((reached * factor > _FILLED) & (reached * factor < _EDGE)).all()
             if is_filled and (np.abs(middle * factor - 0.5) < _OFF_MIDDLE).all():
                 text = (
                     f"all {len(rows)} points lie in the upper left corner of the {camera.sensor.columns} columns and "

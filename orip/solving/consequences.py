@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterable, Sequence
 from msgspec import Struct
 
 from orip.errors import ProjectWarning
-from orip.mistakes.camera_values import CAMERA_SIGNS, FAR_FROM_GIVEN, OTHER_LENS
+from orip.mistakes.camera_values import CAMERA_SIGNS, FAR_FROM_GIVEN, NOT_SQUARE, OTHER_LENS
 from orip.mistakes.control.check_points import HEIGHT_SYSTEM
 from orip.mistakes.control.contradicting_control import CODE as CONTROL
 from orip.mistakes.control.contradicting_distances import DISTANCE_UNIT
@@ -91,8 +91,16 @@ CONSEQUENCES: tuple[Consequence, ...] = (
     Consequence(EXPLAINING_WARNINGS, warnings=None, of_same_photo=True),
     # where pictures are wrong, preliminary values are, and what a camera seems to have
     Consequence(
-        (*EXPLAINING_WARNINGS, *SHORT_TEXTS_OF_VERTICAL_PHOTOS, *CAMERA_SIGNS, OTHER_LENS, MIRRORED, ANOTHER_FLIGHT,
-         TWO_LENSES, "other-camera"),
+        (
+            *EXPLAINING_WARNINGS,
+            *SHORT_TEXTS_OF_VERTICAL_PHOTOS,
+            *CAMERA_SIGNS,
+            OTHER_LENS,
+            MIRRORED,
+            ANOTHER_FLIGHT,
+            TWO_LENSES,
+            "other-camera",
+        ),
         warnings=("preliminary-values", "photo-left-out", "one-ray"),
     ),
     Consequence(("outside-frame", "senseless-camera"), warnings=(FAR_FROM_GIVEN,), groups=(*_GROUND, "check point")),
@@ -118,7 +126,8 @@ CONSEQUENCES: tuple[Consequence, ...] = (
     # weights that are a hundred times too large bend the block
     Consequence((PRECISION,), warnings=None, groups=(*_GROUND, "check point", "camera", "photo")),
     # a camera displaces photos along their axes, and these the control
-    Consequence((OTHER_LENS, *CAMERA_SIGNS), groups=(*_GROUND, "distance")),
+    Consequence((OTHER_LENS, *CAMERA_SIGNS), groups=_GROUND),
+    Consequence((NOT_SQUARE,), groups=("distance",)),
     Consequence((DISTANCE_UNIT,), groups=("distance", "exposure station", "control point")),
     Consequence((DISTANCE_AXES,), groups=("distance",)),
     Consequence((DISTANCE,), groups=("distance",)),

@@ -103,8 +103,10 @@ def two_lenses_of_photos(misfit: Misfit) -> list[ProjectWarning]:
         apart = readjuster.adjust(_with_own_cameras(block, own, solved))
         rows = own[:0] if apart is None else _of_second_lens(block, own, apart)
         tried = readjuster.adjust(_with_second_camera(block, camera, rows)) if len(rows) else None
-        fit = None if tried is None else fit_of_adjustment(tried)
-        if fit is None or not (is_good(fit) and (explains(fit, given) or _fits_better(misfit.solution, tried, 0))):
+        if tried is None:
+            continue
+        fit = fit_of_adjustment(tried)
+        if not (is_good(fit) and (explains(fit, given) or _fits_better(misfit.solution, tried, 0))):
             continue
         if text := _text(tried, block, camera):
             return [ProjectWarning(TWO_LENSES, counted_names("photo", [block.photos[row].name for row in rows]), text)]
@@ -125,7 +127,7 @@ def _with_own_cameras(block: Block, own: IntArray, solved: SolvedBlock) -> Block
 
 
 def _of_second_lens(block: Block, own: IntArray, apart: SolvedBlock) -> IntArray:
-    """Return the fewer rows of photos, where their principal distances are two, much farther apart than they scatter."""
+    """Return the fewer rows of photos, if their principal distances are two, much farther apart than they scatter."""
     place = {photo.name: row for row, photo in enumerate(apart.block.photos)}
     known = np.array([row for row in own.tolist() if block.photos[row].name in place], dtype=np.int64)
     found = apart.state.cameras[[apart.block.photo_camera[place[block.photos[row].name]] for row in known], 0]
