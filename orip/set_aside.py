@@ -81,10 +81,6 @@ class ColumnByParts(Generic[ScalarT]):
     """A column (n,) that is made part after part, and set aside: no more than a part need be in memory.
 
     Its methods raise OripError if the file cannot be written.
-
-    Parameters
-    ----------
-    dtype : data type
     """
 
     def __init__(self, dtype: np.dtype[ScalarT]) -> None:

@@ -120,8 +120,6 @@ def by_threads(task: Callable[[PartT], T], parts: Iterable[PartT], of_a_thread: 
 
     Parameters
     ----------
-    task : callable
-    parts : iterable
     of_a_thread : int, optional
         For so many parts a thread pays; if not given, for so many of many thousand elements (`orip.arrays.parts`).
     """

@@ -29,10 +29,8 @@ class Moved(Struct, frozen=True):
 
     Parameters
     ----------
-    project, bundle : str
     name : str
         What it is a value of: ``photo 101 X0``.
-    before, after : float
     times : float
         The difference in standard deviations, the larger of the two; infinite where neither run has one.
     """
@@ -61,8 +59,6 @@ def moved_values(table: str, before: Iterable[Row], after: Iterable[Row], limit:
     Parameters
     ----------
     table : {"cameras", "photos", "points"}
-    before, after : iterables of Row
-    limit : float
     """
     name_column = NAME_COLUMN[table]
     old, new = _by_key(before, name_column), _by_key(after, name_column)
@@ -129,7 +125,6 @@ def changed_words(
 
     Parameters
     ----------
-    before, after : iterables of Row
     name_column : str or None
         The column that names a row besides project and bundle; None: there is none.
     columns : sequence of str

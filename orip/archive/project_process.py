@@ -58,7 +58,6 @@ class ProjectProcess:
 
         Parameters
         ----------
-        task : ProjectTask
         lifeline : int
             A file descriptor. When it ends, the project is ended, and so is the process that waits for it.
 

@@ -87,7 +87,6 @@ def simulated_project(number: int, seed: int, faults: float) -> SimulatedProject
     ----------
     number : int
         From 0; the same project whatever others there are.
-    seed : int
     faults : float
         Part of the projects that have a fault, 0 to 1.
     """

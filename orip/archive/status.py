@@ -78,8 +78,6 @@ class ArchiveStatus(Struct, frozen=True):
 
     Parameters
     ----------
-    plan : ArchivePlan
-    progress : Progress
     is_running : bool
         A program is writing the results.
     wrong : tuple of (str, str)

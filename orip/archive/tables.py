@@ -88,7 +88,6 @@ class ProjectOutcome(Struct, frozen=True):
     ----------
     name : str
         Of the project in the archive.
-    state : State
     message : str
         The first line that a user would see of its error; empty without one.
     texts, steps : str
@@ -118,8 +117,6 @@ class AdjustedBundle(Struct, frozen=True):
 
     Parameters
     ----------
-    solution : Solution
-    gates : tuple of GateResult
     report : str
         Path of its report from the folder of the project; empty without one.
     crs : str

@@ -83,14 +83,12 @@ class TaskSettings(Struct, frozen=True):
 
     Parameters
     ----------
-    method : Method
     gates : tuple of str
         Besides those of orip.toml.
     report : bool
         Write the report of each bundle.
     again : bool
         Adjust projects that are finished, too.
-    limits : Limits
     """
 
     method: Method = PLAIN

@@ -25,11 +25,8 @@ def antenna_positions_with_partials(
 
     Parameters
     ----------
-    state : BlockState
-    places : StationPlaces
     members : array (s,) of int
         Rows of `places`.
-    ground : GroundSystem
     """
     photo, elapsed = places.photo[members], places.elapsed[members][:, None, None]
     rotation, velocity = state.rotations[photo], places.velocity[members]

@@ -46,7 +46,6 @@ class StationPlaces(Struct, frozen=True):
         Seconds since the mean time of the station's stretch of drift; 0 without one.
     velocity : array (n, 3)
         Ground unit a second; 0 where it is not known.
-    shifts, drifts : tuples of Stretch
     """
 
     photo: IntArray
@@ -175,7 +174,6 @@ def part_of_block(block: Block, photos: BoolArray, points: BoolArray) -> Block:
 
     Parameters
     ----------
-    block : Block
     photos : array (number of photos,) of bool
         True: stays.
     points : array (number of points,) of bool
@@ -227,7 +225,6 @@ def without_photos(block: Block, left_out: BoolArray) -> Block:
 
     Parameters
     ----------
-    block : Block
     left_out : array (number of photos,) of bool
     """
     shown = _is_shown(block)
@@ -239,7 +236,6 @@ def without_photo(block: Block, photo: int) -> Block:
 
     Parameters
     ----------
-    block : Block
     photo : int
         Its index in the block.
     """

@@ -43,7 +43,6 @@ class BlockInput(Struct, frozen=True):
 
     Parameters
     ----------
-    definition : BundleDefinition
     records : Definitions
         All cameras and photos.
     measured : Measured
@@ -52,16 +51,12 @@ class BlockInput(Struct, frozen=True):
         That of the records and measurements.
     control : Control
         All of the project.
-    preliminary : tuple of PreliminaryPoint
-    ground_unit : str
     crs : str or None
         The project's coordinate reference system; None: ground coordinates are a plain right-handed system.
     warnings : tuple of ProjectWarning
         What is known to be doubtful already.
     antennas : tuple of Antenna
         All of the project.
-    rigs : Rigs
-    terrains : tuple of TerrainModel
     """
 
     definition: BundleDefinition
@@ -88,7 +83,6 @@ def gather(inputs: BlockInput, ground: GroundSystem | None = None) -> Block:
 
     Parameters
     ----------
-    inputs : BlockInput
     ground : GroundSystem or None
         That of a block which this is a part of; None: its own.
 

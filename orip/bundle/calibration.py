@@ -48,14 +48,12 @@ class ParameterTest(Struct, frozen=True):
 
     Parameters
     ----------
-    camera : str
     parameters : tuple of str
         Those of the group that are unknown.
     statistic, limit : float
         Roots of F and of its quantile: for one parameter |a| / sd and the two-sided limit of Student's t.
     lost_digits : float
         The most that a parameter of the group loses to the other unknowns.
-    verdict : str
     """
 
     camera: str
@@ -196,13 +194,8 @@ def prune(solved: SolvedBlock, solve_again: Callable[[Block], SolvedBlock]) -> P
 
     Parameters
     ----------
-    solved : SolvedBlock
     solve_again : callable
         Adjusts a block whose cameras have fewer unknowns.
-
-    Returns
-    -------
-    Pruned
     """
     removed: list[ParameterTest] = []
     while worst := removable(parameter_tests(solved)):

@@ -37,8 +37,6 @@ def ground_system(
     ----------
     crs : str or None
         None: the project's coordinates are plain.
-    ground_unit : str
-    points : sequence of ControlPoint
     centres : array (n, 3)
         Projection centres, in the project.
 

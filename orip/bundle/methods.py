@@ -55,7 +55,6 @@ def adjust_block(
     ----------
     block : Block
         With starting values; its definition holds the settings.
-    method : Method
     on_iteration : callable
         Called after each iteration; those of successive adjustments are numbered consecutively.
     stop_asked : callable

@@ -62,8 +62,6 @@ class BlockProblem(Struct, frozen=True):
 
     Parameters
     ----------
-    block : Block
-    unknowns : Unknowns
     observations : tuple of Observations
         One of each kind, in the order of their rows.
     datum : FreeDatum or None
@@ -72,7 +70,6 @@ class BlockProblem(Struct, frozen=True):
         Observations left out as blunders: their residuals are computed, but have no influence.
     streamed : tuple (loop, others) or None
         What passes over the photo points, and the problem of all other rows; None: the design matrix is stored.
-    strips : tuple of TimedPhotos, from which motions follow
     """
 
     block: Block
@@ -339,7 +336,7 @@ def posed(block: Block) -> Posed:
 def pose_problem(block: Block) -> BlockProblem:
     """Return the problem of a block."""
     problem, photo_points, others, couples_points = posed(block)
-    if not couples_points and (problem.unknowns.motions == CONSTANT).all():
+    if not couples_points:
         loop = photo_loop if problem.unknowns.rigs is None else rig_loop
         problem = _arranged(problem, loop(photo_points, problem.unknowns, block.point_start), others)
     return freed(problem, block) if block.is_free_network else problem

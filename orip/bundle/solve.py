@@ -38,14 +38,7 @@ _CREEPING_STEPS, _NEAR = 10, 2.0
 
 
 class SolvedBlock(Adjustment[BlockState], frozen=True):
-    """The adjustment of a block, with the precision of all unknowns.
-
-    Parameters
-    ----------
-    problem : BlockProblem
-    cofactors : Cofactors
-    variance : VarianceOfUnitWeight
-    """
+    """The adjustment of a block, with the precision of all unknowns."""
 
     problem: BlockProblem
     cofactors: Cofactors
@@ -122,7 +115,6 @@ def solve_block(
 
     Parameters
     ----------
-    block : Block
     on_iteration : callable
         Called after each iteration.
     stop_asked : callable
@@ -131,10 +123,6 @@ def solve_block(
         Those of the block's definition by default.
     pose : callable
         Returns the block's problem: as a whole, or divided.
-
-    Returns
-    -------
-    SolvedBlock
 
     Raises
     ------

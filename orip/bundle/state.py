@@ -103,7 +103,6 @@ class BlockState(Struct, frozen=True):
         Of the stretches of `StationPlaces`, along the project's axes.
     theodolites : array (number of theodolite sets,)
         Zero directions, radians.
-    figures : PlacedFigures
     turned_by_angles : array (number of photos,) of bool
         Photos with a constant rotation element: their unknowns are omega, phi, kappa themselves. The others' unknowns
         are small rotations about the ground axes, which have no singular case.

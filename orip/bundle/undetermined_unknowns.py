@@ -59,11 +59,8 @@ def with_undetermined_held(
 
     Parameters
     ----------
-    problem : BlockProblem
-    start : BlockState
     found : Adjustment
         Of the problem from that start.
-    settings : IterationSettings
     on_iteration, stop_asked : callable
         See `orip.adjustment.iteration.adjust`.
 
@@ -106,8 +103,6 @@ def loose_calibration(
 
     Parameters
     ----------
-    problem : BlockProblem
-    found : Adjustment
     variances : array (m,)
         Of the reduced unknowns.
     held : array of int

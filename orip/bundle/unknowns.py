@@ -49,7 +49,6 @@ class UnknownNames(Struct, frozen=True):
     Parameters
     ----------
     reduced : tuple of UnknownName, length m
-    point_names : tuple of str
     eliminated : array (b,) of int
         Points that are eliminated.
     fixed : array (3 b,) of bool
@@ -98,7 +97,6 @@ class Unknowns(Struct, frozen=True):
     motions : array (number of photos, 6)
         In the order of `MOTION_PARAMETERS`: corrections of the motions of photos of rolling shutters.
     points : array (number of points, 3)
-    layout : Layout
     names : UnknownNames, length m + 3 b
         None for places that are no unknowns.
     rigs : RigColumns or None
@@ -134,13 +132,8 @@ def number_unknowns(block: Block, tied_points: Iterable[int]) -> Unknowns:
 
     Parameters
     ----------
-    block : Block
     tied_points : iterable of int
         Points that an observation ties to another point: they stay in the reduced system.
-
-    Returns
-    -------
-    Unknowns
     """
     names: list[UnknownName] = []
     cameras, additional = _number_cameras(block, names)

@@ -76,7 +76,6 @@ def global_test(sigma0: float, redundancy: float) -> GlobalTest | Untested:
 
     Parameters
     ----------
-    sigma0 : float
     redundancy : float
         Of the observations that sigma0 is based on; not always a whole number.
     """

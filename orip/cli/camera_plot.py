@@ -50,7 +50,6 @@ def text_plot(
         Columns and lines of the field inside the axes.
     labels : (str, str)
         What x and y are, with units.
-    characters : Characters
     """
     width, height = size
     y_all = np.concatenate([curve[1], points[1], [0.0]])

@@ -203,8 +203,6 @@ def add_group(app: typer.Typer, name: str, text: str, register: Registration, de
 
     Parameters
     ----------
-    app : typer.Typer
-    name : str
     text : str
         What `--help` says of the group.
     register : function of a typer.Typer

@@ -154,7 +154,6 @@ class Terminal(Struct, frozen=True):
 
     Parameters
     ----------
-    quiet, verbose, json : bool
     color : {"auto", "always", "never"}
         auto: on a terminal, unless NO_COLOR is set.
     threads : int or None
@@ -269,8 +268,6 @@ class Terminal(Struct, frozen=True):
 
         Parameters
         ----------
-        text : str
-        style : Style or None
         styled : int or None
             Number of characters that have the style; None: all.
         """

@@ -39,8 +39,6 @@ class Conventions(Struct, frozen=True):
     ----------
     lens : Lens or None
         None: cameras and measurements are not written.
-    reading : PoseReading
-    lens_axes, ray_axes : ImageAxes
     is_cartesian : bool
         The format has a rectangular system: eastings, northings and heights of a map projection are taken to a local
         one.
@@ -87,10 +85,8 @@ class Format(Struct, frozen=True):
         As it is written on the command line.
     title : str
         The program, and which files of it.
-    read : Read or None
     recognises : function of a path
         Tells from names and first bytes whether a file or folder is probably of this format; False if it is absent.
-    write : Write or None
     conventions : Conventions or None
         Those in which `write` takes a project.
     is_file : bool

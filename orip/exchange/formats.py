@@ -17,8 +17,8 @@ from orip.exchange.colmap.reader import READING as COLMAP
 from orip.exchange.colmap.reader import is_model, read_model
 from orip.exchange.colmap.writer import COLMAP_FISHEYE_TERMS, write_model
 from orip.exchange.format import Conventions, Format, Given
+from orip.exchange.gis import READING as DRAWN
 from orip.exchange.gis import write_dxf, write_geojson, write_geopackage, write_tables
-from orip.exchange.gis_layers import READING as DRAWN
 from orip.exchange.gubaio import is_gubaio, read_gubaio
 from orip.exchange.ign import is_ign, read_ign
 from orip.exchange.metashape.references import with_references
@@ -327,7 +327,6 @@ def format_named(name: str, known: Sequence[Format] = FORMATS) -> Format:
 
     Parameters
     ----------
-    name : str
     known : sequence of Format
         Those that are named where there is none of that name.
 

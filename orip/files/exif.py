@@ -49,7 +49,6 @@ class Exposure(Struct, frozen=True):
         Roll, pitch and yaw of the gimbal, radians.
     time : float
         Seconds.
-    quality : Quality
     """
 
     place: tuple[float, float, float]

@@ -97,7 +97,6 @@ def camera_of(tags: ImageTags, columns: int, rows: int, sensor_width: float | No
 
     Parameters
     ----------
-    tags : ImageTags
     columns, rows : int
         Of the stored image.
     sensor_width : float or None

@@ -53,7 +53,6 @@ class ImageHeader(Struct, frozen=True):
 
     Parameters
     ----------
-    path : Path
     columns, rows : int
         Of the stored pixels, whatever `orientation` says of how they are to be shown.
     bits : int
@@ -97,7 +96,6 @@ def read_header(path: Path, shown: str = "") -> ImageHeader:
 
     Parameters
     ----------
-    path : Path
     shown : str, optional
         The file as the user would name it, for messages; else the path.
 

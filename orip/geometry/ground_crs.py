@@ -41,7 +41,6 @@ class GroundCrs(Struct, frozen=True):
         What the user wrote, and what the register calls it.
     heights : str
         What Z is.
-    ellipsoid : str
     semi_axes : (float, float)
         Of the ellipsoid, metres.
     metres_per_unit : float
@@ -56,7 +55,6 @@ class GroundCrs(Struct, frozen=True):
         X, Y, Z to longitude, latitude, height, of which only the height is taken; None: Z is above the ellipsoid.
     metres_per_height : float
         Per unit of the heights that `vertical` gives.
-    warnings : tuple of ProjectWarning
     """
 
     shown: str

@@ -38,7 +38,6 @@ class GroundFrame(Struct, frozen=True):
 
     Parameters
     ----------
-    crs : GroundCrs
     origin : array (3,)
         In the project's coordinates; (0, 0, 0) in the local frame.
     geocentric_origin : array (3,)
@@ -49,7 +48,6 @@ class GroundFrame(Struct, frozen=True):
         Meridian convergence at the origin, radians: from true north to grid north, positive to the east.
     scale : float
         Lengths on the grid over lengths on the ground at the origin: scale of the map, and of its height.
-    warnings : tuple of ProjectWarning
     """
 
     crs: GroundCrs
@@ -135,10 +133,6 @@ class GroundFrame(Struct, frozen=True):
         Parameters
         ----------
         local : array (n, 3)
-
-        Returns
-        -------
-        ProjectCoordinates
         """
         geocentric = self._geocentric(local)
         return ProjectCoordinates(self._project_of(geocentric), self._partials(self._geographic_of(geocentric)))

@@ -86,10 +86,6 @@ def perspective_with_partials(
         Photo to ground.
     principal_distance_mm : array (n,)
 
-    Returns
-    -------
-    Perspective
-
     Notes
     -----
     With R replaced by Exp([d]x) R the photo-axes vector changes by

@@ -29,7 +29,6 @@ def intersect_rays(
         Projection centres and ray directions (any length), ground system.
     point_index : array (n,)
         Point that each ray belongs to.
-    point_count : int
 
     Returns
     -------
@@ -52,7 +51,6 @@ class RayMeeting:
     ----------
     base : array (3,)
         A place near the rays, from which distances are taken, so that large coordinates cost no digits.
-    point_count : int
     """
 
     def __init__(self, base: FloatArray, point_count: int) -> None:
@@ -157,7 +155,6 @@ def where_most_rays_meet(rays: PhotoRays, point: IntArray, start: FloatArray, li
 
     Parameters
     ----------
-    rays : PhotoRays
     point : array (n,) of int
         Of each ray.
     start : array (q, 3)
@@ -204,7 +201,6 @@ def rival_positions(rays: PhotoRays, rows: IntArray, fitting: BoolArray, limit: 
 
     Parameters
     ----------
-    rays : PhotoRays
     rows : array (q, k) of int
         The rays of each point.
     fitting : array (q, k) of bool

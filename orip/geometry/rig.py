@@ -55,10 +55,6 @@ def photos_with_partials(
         Of the cameras, along the axes of the rig, ground units.
     mountings : array (n, 3, 3)
         Of the cameras, photo to rig.
-
-    Returns
-    -------
-    RigPhotos
     """
     arms = (rotations @ offsets[:, :, None])[:, :, 0]
     by_exposure, by_mounting = np.zeros((2, len(centres), 6, 6))

@@ -80,7 +80,6 @@ def moving_image_with_partials(
     principal_distance_mm : array (n,)
     is_equidistant : array (n,) of bool
         The projection of each point's camera; else the perspective.
-    motion : Motion
     fraction : array (n,)
         Place of the measured row in the order of the readout, -1/2 to 1/2.
     readout : array (n,)

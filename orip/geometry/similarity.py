@@ -179,10 +179,6 @@ def similarity_with_partials(at: Similarities, xyz: FloatArray) -> SimilarityPar
         s transformations; the partials are those of `Similarities.moved` at a change of 0.
     xyz : array (n, 3)
         Source system. Reduced to their centroid they keep shift and rotation from being confused.
-
-    Returns
-    -------
-    SimilarityPartials
     """
     value = at.apply(xyz)
     turned = value - at.shift[:, None]

@@ -135,7 +135,6 @@ def rectified(axes: tuple[float, ...], c: float, x: Number, y: Number, z: Number
 
     Parameters
     ----------
-    axes, c : as of `y_parallax`
     x, y, z : numbers or arrays (n,)
     """
     along, across, depth = rotated_back(axes, x, y, z)

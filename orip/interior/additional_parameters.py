@@ -98,10 +98,6 @@ def additional_with_partials(
         The base b, see `base_of_frame`.
     values : array (n, k) or (k,)
         In the order of the set's `parameter_names`; 1/mm to the power that makes dx, dy millimetres.
-
-    Returns
-    -------
-    Additional
     """
     factors = PARAMETER_SETS[set_name].factors
     basis = PARAMETER_SETS[set_name].basis
@@ -157,8 +153,6 @@ def default_error(set_name: AdditionalSet, index: int, base_mm: float, photo_err
     set_name : {"EBNER", "GRUEN"}
     index : int
         Of the parameter in the set's `parameter_names`.
-    base_mm : float
-    photo_error_mm : float
 
     Returns
     -------

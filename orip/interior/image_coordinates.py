@@ -52,7 +52,6 @@ class ImageEquation(Struct, frozen=True):
         A1, A3, A5, A7, A9, P1, P2, B1, B2.
     at_measured : bool
         The polynomial is given at measured coordinates.
-    additional : ImagePolynomial or None
     reach_square : float
         Square of the radius (mm²) up to which the polynomial is a model of the lens; nothing is shown beyond.
     """
@@ -282,8 +281,6 @@ def pixel_size(
 
     Parameters
     ----------
-    photo : Photo
-    camera : Camera
     template : Template or None
         The template that the photo is on.
     plate_to_photo : PlaneTransformation or None

@@ -138,8 +138,6 @@ def stored_to_log(
 
     Parameters
     ----------
-    photo : Photo
-    definitions : Definitions
     to_template : mapping by `record_key`
         Plate to template millimetres of the templates that are oriented.
     """
@@ -164,7 +162,6 @@ class DrivingOrientation(NamedTuple):
 
     Attributes
     ----------
-    transformation : PlaneTransformation
     warning : ProjectWarning or None
         What was put in the place of an adjustment; None where the marks suffice, and the orientation is a final one.
     """
@@ -182,7 +179,6 @@ def drive_template(
     ----------
     orientation : TemplateOrientation
         With any number of marks.
-    ticks : iterable of Mark
     stored : PlaneTransformation or None
         The orientation of the mounting before; None: there is none, and the plate is taken for the template.
 

@@ -112,7 +112,6 @@ def motions(strips: tuple[TimedPhotos, ...], centres: FloatArray, rotations: Flo
 
     Parameters
     ----------
-    strips : tuple of TimedPhotos
     centres : array (number of photos, 3)
     rotations : array (number of photos, 3, 3)
         Photo to ground.
@@ -186,7 +185,6 @@ def rows_of_readout(block: Block, xy: FloatArray, camera: IntArray) -> FloatArra
 
     Parameters
     ----------
-    block : Block
     xy : array (n, 2)
         Photo coordinates, mm.
     camera : array (n,) of int

@@ -73,7 +73,6 @@ def replay(records: Iterable[LogRecord], definitions: Definitions, start: Measur
     ----------
     records : iterable of LogRecord
         In the order of the log.
-    definitions : Definitions
     start : Measured
         What the stores hold; empty to replay from the beginning.
 

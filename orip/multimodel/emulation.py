@@ -122,7 +122,6 @@ def emulate(settings: EmulatorSettings, listening: Callable[[str, str], None], t
 
     Parameters
     ----------
-    settings : EmulatorSettings
     listening : function of ``host:port`` and the token
         Called when clients may connect.
     trouble : function of a sentence

@@ -47,8 +47,6 @@ class ModelLoop(Struct, frozen=True):
 
     Parameters
     ----------
-    name : str
-    row, column : int
     left, right : int
         Places of its photos in the block.
     photos : tuple (left, right) of DrivenPhoto
@@ -148,7 +146,6 @@ class OrientedBlock(Struct, frozen=True, eq=False):
 
     Parameters
     ----------
-    table : DriveTable
     photos : tuple of DrivenPhoto
         In the order of the table.
     models : tuple of ModelLoop

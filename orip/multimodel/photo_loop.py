@@ -41,10 +41,8 @@ class CameraModel(Struct, frozen=True):
     ----------
     principal_distance : float
         mm.
-    image : ImageEquation
     half_frame : tuple (x, y)
         mm; infinite where there is no frame line.
-    projection : Projection
     least_cosine : float
         Of the angle from the axis beyond which nothing is within the frame; that of the projection where there is none.
     """
@@ -160,11 +158,9 @@ class DrivenPhoto(Struct, frozen=True):
 
     Parameters
     ----------
-    name : str
     stage : {"UPPER", "LOWER"}
     limits : StageLimits
         Of its stage.
-    camera : CameraModel
     centre : tuple (X0, Y0, Z0)
     rotation : tuple of 9 floats
         Photo axes to ground axes, row by row.

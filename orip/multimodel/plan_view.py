@@ -48,7 +48,6 @@ class Plane(NamedTuple):
 
     Attributes
     ----------
-    right, up, third : int
     mirrored : bool
         Seen from the cameras, the first axis runs to the left.
     """
@@ -64,7 +63,6 @@ class PlanView(Struct, frozen=True, eq=False):
 
     Parameters
     ----------
-    plane : Plane
     points : BlockPoints
         Those with all three coordinates.
     outlines : tuple of arrays (m, 2)

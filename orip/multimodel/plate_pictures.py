@@ -34,7 +34,6 @@ class PlatePictures:
     ----------
     folder : Path
         Of the project.
-    pictures : sequence of PlatePicture
     """
 
     def __init__(self, folder: Path, pictures: Sequence[PlatePicture]) -> None:

@@ -70,7 +70,6 @@ def table_fault(folder: Path, bundles: Sequence[str], loaded: str) -> str | None
 
     Parameters
     ----------
-    folder : Path
     bundles : sequence of str
         Those that may be meant.
     loaded : str
@@ -127,10 +126,8 @@ def load_again(folder: Path, log: Path, processor: TableHolder) -> str | None:
 
     Parameters
     ----------
-    folder : Path
     log : Path
         With what has just been measured.
-    processor : TableHolder
 
     Raises
     ------
@@ -323,7 +320,6 @@ def open_watch(folder: Path, bundle: str | None, link: str | None) -> Watch:
 
     Parameters
     ----------
-    folder : Path
     bundle : str or None
         None: the project's only one.
     link : str or None

@@ -128,7 +128,6 @@ def drive_objects(block: OrientedBlock, state: ProcessorState, xyz: FloatArray) 
 
     Parameters
     ----------
-    block : OrientedBlock
     state : ProcessorState
         With its locks, and automatic switching on or off.
     xyz : array (n, 3)

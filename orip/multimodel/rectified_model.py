@@ -43,7 +43,6 @@ class RectifiedModel(Struct, frozen=True, eq=False):
 
     Parameters
     ----------
-    model : ModelLoop
     images : tuple (left, right) of ImageOnPlate
     c : float
         Mean principal distance, mm.
@@ -102,7 +101,6 @@ def rectified_model(model: ModelLoop, images: tuple[ImageOnPlate, ImageOnPlate])
 
     Parameters
     ----------
-    model : ModelLoop
     images : tuple (left, right) of ImageOnPlate
     """
     c = 0.5 * sum(photo.camera.principal_distance for photo in model.photos)

@@ -76,7 +76,6 @@ class ProcessorState(Struct, frozen=True):
         Where the measuring mark was driven to in the object; None after plates were moved individually: it is then
         where the two rays meet.
     condition : {"IN", "OUTSIDE", "LIMIT"}
-    guide : Guide
     automatic : bool
         Models change at frame lines.
     locked : {"UPPER", "LOWER"} or None

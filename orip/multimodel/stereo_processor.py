@@ -39,9 +39,6 @@ class StereoReading(NamedTuple):
     ----------
     model : int
         Place of the active model in the block.
-    guide : Guide
-    automatic : bool
-    condition : Condition
     xyz : tuple (X, Y, Z) or None
         Of the mark, in the project; None where the rays do not meet.
     y_parallax : float
@@ -81,7 +78,6 @@ class StereoProcessor:
 
     Parameters
     ----------
-    loaded : Loaded
     photos : mapping of StereoPhoto
         By the names in the drive table.
     ground : GroundSystem

@@ -51,7 +51,6 @@ def advice(block: OnlineBlock, photos: Collection[str], most: int) -> tuple[Cand
 
     Parameters
     ----------
-    block : OnlineBlock
     photos : collection of str
         In which something is measured.
     most : int
@@ -161,8 +160,6 @@ def given_places(block: OnlineBlock, points: Collection[str], photo: str = "") -
 
     Parameters
     ----------
-    block : OnlineBlock
-    points : collection of str
     photo : str
         Any that is oriented, empty: the first one.
     """
@@ -303,15 +300,12 @@ class Request(Struct):
     ----------
     key : ObservationKey
         The photo point that it is about.
-    before : Before
-    answer : Answer
     points : dict of str
         Points that may have moved.
     new : list of ObservationKey
         Observations that it has taken in.
     is_tested : bool
         Whether nothing more is to be found by testing what these concern.
-    has_oriented : bool
     """
 
     key: ObservationKey

@@ -23,10 +23,8 @@ class Suspect(Struct, frozen=True):
 
     Parameters
     ----------
-    key : ObservationKey
     w : float
         Root of the fall of the square sum when it is left out, a-priori errors.
-    limit : float
     alike : tuple of ObservationKey
         Others that an error could be in just as well.
     """
@@ -51,7 +49,6 @@ class Candidate(Struct, frozen=True):
         axis of the photo; None: not known.
     gain : float or None
         Information about the block, bits; None where it cannot be told yet: the photo or the point is not placed.
-    why : str
     """
 
     photo: str
@@ -67,8 +64,6 @@ class Answer(Struct, frozen=True):
 
     Parameters
     ----------
-    photo, point : str
-    state : State
     text : str
         In a sentence: what it waits for, or how it fits.
     w, limit : float or None
@@ -77,7 +72,6 @@ class Answer(Struct, frozen=True):
         Redundancy numbers of x and y; none before it is included.
     sigma0 : float or None
         Of all observations that are in; None without redundancy.
-    sigma0_before : float or None
     suspects : tuple of Suspect
         Observations that this measurement has shown to be wrong.
     cleared : tuple of ObservationKey
@@ -140,7 +134,6 @@ class ErrorScale:
 
     Parameters
     ----------
-    block : OnlineBlock
     alpha : float
         Error probability of the test of one observation.
     """

@@ -73,7 +73,6 @@ def agreeing_control(found: ControlDifferences, limits: FloatArray) -> tuple[Boo
 
     Parameters
     ----------
-    found : ControlDifferences
     limits : array (m,)
         Largest root of the square sum of a control point that fits; it depends on the number of its coordinates.
 
@@ -158,12 +157,6 @@ _LATER = 0.1
 
 class ControlExamination:
     """Looks at the control of a block as often as there is a reason.
-
-    Parameters
-    ----------
-    block : OnlineBlock
-    snooping : Snooping
-    scale : ErrorScale
 
     Attributes
     ----------

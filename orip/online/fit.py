@@ -20,7 +20,6 @@ def residuals_of(measuring: Measuring, photo: str = "", point: str = "") -> list
 
     Parameters
     ----------
-    measuring : Measuring
     photo, point : str
         Those of this photo alone, as it is defined, and of this point; empty: of all.
     """

@@ -299,7 +299,6 @@ class Measuring:
 
         Parameters
         ----------
-        first : FirstValues
         photo : str
             The only one that may have got what it waits for; empty: any.
         """

@@ -90,7 +90,6 @@ class OnlinePage:
 
     Parameters
     ----------
-    session : OnlineSession
     lock : lock
         Held while a request is answered.
     """
@@ -164,13 +163,7 @@ def _told(measuring: Measuring) -> Document:
 
 
 class ServedSession:
-    """A session, one request at a time; its page may be looked at meanwhile.
-
-    Parameters
-    ----------
-    session : OnlineSession
-    folder : Path
-    """
+    """A session, one request at a time; its page may be looked at meanwhile."""
 
     def __init__(self, session: OnlineSession, folder: Path) -> None:
         self._session, self._folder = session, folder

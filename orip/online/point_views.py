@@ -38,7 +38,6 @@ class PhotoGeometry(Struct, frozen=True):
 
     Parameters
     ----------
-    camera : Camera
     parameters : tuple of float
         Of the camera, as measuring goes on with.
     centre : array (3,)
@@ -104,7 +103,6 @@ class View(Struct, frozen=True):
 
     Parameters
     ----------
-    photo : str
     expected : array (2,) or None
         As in a measurement file; None where it cannot be told.
     covariance : array (2, 2) or None
@@ -126,7 +124,6 @@ class SeenBlock(Struct, frozen=True):
 
     Parameters
     ----------
-    block : OnlineBlock
     photos : dict of PhotoGeometry
         Those that are oriented, by name.
     points : dict of array (3,)
@@ -162,7 +159,6 @@ def seen(block: OnlineBlock, to_log: Mapping[str, PlaneTransformation]) -> SeenB
 
     Parameters
     ----------
-    block : OnlineBlock
     to_log : mapping by `record_key`
         From stored coordinates to those of a measurement file.
     """

@@ -59,7 +59,6 @@ class Request(Struct, frozen=True):
 
     Parameters
     ----------
-    do : Do
     photo, point : str
         Of `measure`, `remove`, `exclude` and `include`; of `show` for residuals: of these alone, empty for all.
     xy : tuple of float
@@ -244,7 +243,6 @@ class Background:
 
     Parameters
     ----------
-    measuring : Measuring
     seconds : float or None
         How long an answer is waited for; None: as long as it takes.
     """

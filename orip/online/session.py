@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from msgspec import Struct
 
-from orip.errors import UsageError
+from orip.errors import UnknownNameError, UsageError
 from orip.files.control.text import CONTROL_EXTENSIONS
 from orip.files.log.writing import DECIMALS, LogFile, edit_line, measurement_line, points_header
 from orip.geometry.plane import PlaneTransformation
@@ -63,7 +63,6 @@ class OnlineSession:
 
     Parameters
     ----------
-    folder : Path
     bundle : str or None
         None: the project's only one.
     seconds : float or None
@@ -127,7 +126,6 @@ class OnlineSession:
 
         Parameters
         ----------
-        photo, point : str
         xy : tuple
             As in a measurement file.
 
@@ -155,7 +153,6 @@ class OnlineSession:
 
         Parameters
         ----------
-        photo, point : str
         xy : tuple or None
             As in the file; None: what was measured of the point there is deleted, and there is no answer.
         """
@@ -192,18 +189,15 @@ class OnlineSession:
 
         Raises
         ------
-        UsageError
+        UnknownNameError
             If nothing that was given is called so.
         """
         block = self.measuring.block
         known = dict.fromkeys([*block.equations.included, *block.left_out])
         key = next((key for key in known if key.kind != "photo" and words_of(key) == words), None)
         if key is None:
-            message = (
-                f"nothing that is observed is called '{words}'; control that is held, with a-priori errors of 0, is "
-                "not observed"
-            )
-            raise UsageError(message)
+            given = [words_of(key) for key in known if key.kind != "photo"]
+            raise UnknownNameError(words, "observation with an a-priori error called", given)
         change = Measuring.leave_out if is_excluded else Measuring.take_in
         pending = Answer(key.photo, key.point, "unchecked", f"{words}: the answer follows", is_pending=True)
         return self._background.ask(partial(change, key=key)) or pending

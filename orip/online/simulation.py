@@ -65,7 +65,6 @@ class SimulatedSession(Struct, frozen=True):
     inputs : BlockInput
         Cameras, photos and control; nothing is measured.
     measurements : tuple of (photo, point, (x, y))
-    blunders : tuple of Blunder
     """
 
     inputs: BlockInput

@@ -42,7 +42,6 @@ class Snooping:
 
     Parameters
     ----------
-    block : OnlineBlock
     scale : ErrorScale
         Of the limits of the tests.
     """
@@ -101,8 +100,6 @@ class Snooping:
 
         Parameters
         ----------
-        keys : collection of ObservationKey
-        latest : ObservationKey or None
         most : int or None
             As many as are taken out for their own tests; None: all.
 

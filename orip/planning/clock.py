@@ -33,7 +33,6 @@ class ClockFit(Struct, frozen=True):
         GPS seconds.
     jitter : float
         Standard deviation of one reading, seconds.
-    reading_sd, rate_sd : float
     wrong : tuple of int
         Marks that were left out.
     residuals : array (n,)

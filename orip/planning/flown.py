@@ -69,12 +69,10 @@ def compare_flight(
 
     Parameters
     ----------
-    planned : sequence of Station
     log : sequence of Station
         As flown, in the project; those without a position are left out.
     frame : array (2,)
         Of the photo, mm.
-    c : float
     nodes : array (n, 3)
         Of the ground, at which overlaps are counted.
     wanted : int

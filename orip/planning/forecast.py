@@ -50,17 +50,12 @@ class Design(Struct, frozen=True):
 
     Parameters
     ----------
-    definition : BundleDefinition
-    camera : Camera
     stations : tuple of Station
         Planned exposures.
     points : array (n, 3)
         Tie points, in the project.
     control : Control
         Control and check points, distances; each point is measured in all photos that show it.
-    antennas : tuple of Antenna
-    ground_unit : str
-    crs : str or None
     """
 
     definition: BundleDefinition
@@ -80,7 +75,6 @@ class Forecast(Struct, frozen=True):
     ----------
     solution : Solution
         With standard deviations, correlations and redundancy numbers for sigma0 = 1, and no residuals.
-    solved : SolvedBlock
     diagnosis : tuple of Diagnosis
         What is not determined, or badly, and the remedies.
     """
@@ -141,10 +135,6 @@ def tie_points(frame: FloatArray, c: float, stations: Sequence[Station], terrain
     ----------
     frame : array (2,)
         Of the photo, mm.
-    c : float
-    stations : sequence of Station
-    terrain : callable
-    count : int
     """
     places = np.array([station.position for station in stations])
     above = float(np.median(places[:, 2] - terrain(places[:, :2])))

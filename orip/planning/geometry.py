@@ -39,10 +39,8 @@ class Wanted(Struct, frozen=True):
     ----------
     height : float
         Above ground.
-    forward, side : float
     crab : float
         Angle between photos and strip at which the overlaps still hold.
-    margin : float
     follow : bool
         Each photo at its height above ground; else all at one height, above the mean of the ground.
     """
@@ -94,8 +92,6 @@ def least_height(frame: Frame, terrain: Terrain, places: FloatArray, height: flo
 
     Parameters
     ----------
-    frame : Frame
-    terrain : callable
     places : array (n, 2)
     height : float
         Above the ground below the photos.
@@ -121,9 +117,6 @@ def strips_over(corners: FloatArray, frame: Frame, wanted: Wanted, terrain: Terr
     ----------
     corners : array (n, 2)
         Of a simple polygon.
-    frame : Frame
-    wanted : Wanted
-    terrain : callable
     azimuth : float
         Of the first strip, radians.
 
@@ -196,13 +189,11 @@ def footprint(frame: Frame, centre: FloatArray, rotation: FloatArray, size: Floa
 
     Parameters
     ----------
-    frame : Frame
     centre : array (3,)
     rotation : array (3, 3)
         Photo to ground.
     size : array (2,)
         Of the photo in x and y, mm.
-    ground : float
     """
     corners = 0.5 * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) * size
     rays = np.column_stack([corners, np.full(4, -frame.c)]) @ rotation.T

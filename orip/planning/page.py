@@ -43,13 +43,9 @@ def plan_page(
 
     Parameters
     ----------
-    title : str
     facts : sequence of (what, figure)
-    stations : sequence of Station
     frame : Frame
         Along and across are the photo's x and y.
-    terrain : callable
-    found : Forecast
     border : array (n, 2), optional
         Of the area.
     """

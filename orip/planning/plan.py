@@ -40,9 +40,6 @@ class PlannedFlight(Struct, frozen=True):
         Above ground, and of a pixel on the ground.
     base, spacing : float
         Between photos and strips; NaN where there is one alone.
-    speed : float
-    seconds : float
-    turns, batteries : int
     rays : int
         Convergent rays that each point of an object gets at least; 0: it is a flight.
     """
@@ -82,10 +79,7 @@ def plan_flight(settings: PlanSettings, camera: Camera, outline: FloatArray, ter
 
     Parameters
     ----------
-    settings : PlanSettings
-    camera : Camera
     outline : array (n, 2)
-    terrain : callable
 
     Raises
     ------

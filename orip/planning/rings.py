@@ -114,7 +114,6 @@ def convergent_rays(points: FloatArray, stations: Sequence[Station], frame: Fram
     Parameters
     ----------
     points : array (n, 3)
-    stations : sequence of Station
     frame : Frame
         Along and across are the photo's x and y.
     least : float

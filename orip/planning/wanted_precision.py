@@ -25,7 +25,6 @@ def height_for(sd: float, first: float, sd_at: Callable[[float], float], unit: s
 
     Parameters
     ----------
-    sd : float
     first : float
         A height to begin with.
     sd_at : callable

@@ -80,8 +80,6 @@ class BlockGrower(Struct, frozen=True, dict=True):
 
     Parameters
     ----------
-    rays : ImageRays
-    index : PhotoIndex
     common : array (photos, photos)
         Numbers of common points.
     held : array (number of points, 3)
@@ -150,7 +148,6 @@ class BlockGrower(Struct, frozen=True, dict=True):
 
         Parameters
         ----------
-        start : GrowingBlock
         enough : float
             Gain at which the last adjustment ends (see `refine`): `ROUGH` where another one follows.
         """

@@ -104,15 +104,10 @@ class _Search(NamedTuple):
 
     Attributes
     ----------
-    measured : MeasuredBlock
-    best : Outcome or None
     lengths : array (n,)
         Its `lengths_of_residuals`; none without an outcome.
-    by_models : Route or None
-    is_enough : bool
     tried : int
         Number of routes.
-    is_weakly_joined : bool
     """
 
     measured: MeasuredBlock

@@ -107,7 +107,6 @@ class RayComparison:
 
     Parameters
     ----------
-    rays : ImageRays
     starts : mapping, optional
         Relative orientations of pairs of photos that are nearly right.
     usual : float, optional

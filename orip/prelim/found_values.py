@@ -45,7 +45,6 @@ def redundancy(rays: ImageRays, held_points: BoolArray, used: BoolArray) -> int:
 
     Parameters
     ----------
-    rays : ImageRays
     held_points : array (number of points,) of bool
         Control that does not move.
     used : array (n,) of bool
@@ -93,7 +92,6 @@ def weak_connections(rays: ImageRays, common: IntArray, known_on_ground: BoolArr
 
     Parameters
     ----------
-    rays : ImageRays
     common : array (photos, photos)
         Numbers of common points.
     known_on_ground : array (number of points,) of bool
@@ -192,7 +190,6 @@ def found_values(
 
     Parameters
     ----------
-    measured : MeasuredBlock
     best : Outcome or None
         None where no route oriented a photo.
     lengths : array (n,)

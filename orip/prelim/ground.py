@@ -34,7 +34,6 @@ def with_arbitrary_datum(
     ----------
     grown : GrowingBlock
         With two photos at least.
-    rays : ImageRays
     distances : sequence of ControlDistance
         Ground units; only spatial distances between known points are used. Without any, the scale is such that the
         first base is 1: that from the first photo to the next one at another place.

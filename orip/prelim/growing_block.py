@@ -194,8 +194,6 @@ def misplaced_photos(rays: ImageRays, grown: GrowingBlock, lengths: FloatArray, 
 
     Parameters
     ----------
-    rays : ImageRays
-    grown : GrowingBlock
     lengths : array (n,)
         The system's `residual_lengths`.
     blunders : float

@@ -23,7 +23,6 @@ def with_consensus(
         Photo to ground.
     centres : array (p, 3)
         NaN for photos that are not oriented.
-    rays : ImageRays
     doubtful : array (q,) of bool
     start : array (q, 3)
         Where the points are; NaN where not known.
@@ -100,11 +99,6 @@ def intersect(rotations: FloatArray, centres: FloatArray, oriented: BoolArray, r
     centres : array (p, 3)
     oriented : array (p,) of bool
         The rays of other photos are left out.
-    rays : ImageRays
-
-    Returns
-    -------
-    Intersected
 
     Notes
     -----

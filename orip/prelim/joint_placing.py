@@ -93,7 +93,6 @@ def levelling(part: PartialBlock, axis: int) -> FloatArray | None:
 
     Parameters
     ----------
-    part : PartialBlock
     axis : int
         Axis of the photos that points up: 2 where they look down, 1 where they stand upright.
 

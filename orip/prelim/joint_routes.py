@@ -188,7 +188,6 @@ class _Photos(Struct, frozen=True):
     parts : list of PartialBlock
         Of the supported photos.
     supported : array (number of photos,) of bool
-    ties : Ties
     degrees : int
         Redundancy of the block.
     level : list of arrays (parts, 3, 3)

@@ -28,11 +28,9 @@ class MeasuredBlock(Struct, frozen=True):
 
     Parameters
     ----------
-    block : Block
     control, centres : KnownPositions
         Control points and projection centres known on the ground; in a free network, points with approximate
         coordinates: they give it its datum, but hold nothing fixed.
-    all_rays : ImageRays
     confirmed : array (n,) of bool
         Which of all rays others do not contradict; all of them unless a large part of a block's rays is wrong.
     rays : ImageRays

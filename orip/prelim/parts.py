@@ -25,7 +25,6 @@ class Ties(Struct, frozen=True):
 
     Parameters
     ----------
-    parts : int
     part, place : arrays (n,) of int
         In order of `place`, which is the index of a position on the ground.
     coordinates : array (n, 3)
@@ -218,7 +217,6 @@ def supported_photos(rays: ImageRays, known: FloatArray) -> BoolArray:
 
     Parameters
     ----------
-    rays : ImageRays
     known : array (number of points, 3)
         Control, NaN where not known.
     """

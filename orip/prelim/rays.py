@@ -40,7 +40,6 @@ class ImageRays(Struct, frozen=True):
 
     Parameters
     ----------
-    photos, points : tuples of str
     photo, point : arrays (n,) of int
         Indices into `photos` and `points`.
     xy : array (n, 2)
@@ -49,7 +48,6 @@ class ImageRays(Struct, frozen=True):
         See `image_vectors`, mm.
     error : array (n,)
         A-priori error of a photo coordinate, mm.
-    cameras : UnknownCameras
     """
 
     photos: tuple[str, ...]
@@ -195,7 +193,6 @@ def thinned(rays: ImageRays, kept: BoolArray, enough: int) -> ImageRays:
 
     Parameters
     ----------
-    rays : ImageRays
     kept : array (number of points,) of bool
         Points that are always kept: those that are known on the ground.
     enough : int

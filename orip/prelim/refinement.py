@@ -36,7 +36,6 @@ def corrected(rays: ImageRays, corrections: FloatArray) -> ImageRays:
 
     Parameters
     ----------
-    rays : ImageRays
     corrections : array (cameras, `CAMERA_CORRECTIONS`)
     """
     if not corrections.any():
@@ -54,7 +53,6 @@ def parameters_with(camera: Camera, correction: FloatArray) -> tuple[float, ...]
 
     Parameters
     ----------
-    camera : Camera
     correction : array (`CAMERA_CORRECTIONS`,)
     """
     c, dx, dy, a1, a3, *others = camera.parameters
@@ -106,7 +104,6 @@ class Refined(Struct, frozen=True):
         Of the rays; 0 for rays that took no part.
     s0 : float
         Robust scale of the residuals against the a-priori errors; 0 without redundancy.
-    iterations : int
     """
 
     rotations: FloatArray
@@ -133,7 +130,6 @@ def refine(
 
     Parameters
     ----------
-    rays : ImageRays
     rotations : array (p, 3, 3)
         Photo to ground.
     centres : array (p, 3)
@@ -148,10 +144,6 @@ def refine(
     enough : float
         Relative gain in the weighted square sum at which the iterations end; 0: they go on until nothing is off by much
         more than its standard deviation.
-
-    Returns
-    -------
-    Refined
 
     Notes
     -----

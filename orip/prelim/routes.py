@@ -33,7 +33,6 @@ class OrientedModel(Struct, frozen=True):
 
     Parameters
     ----------
-    pair : OrientedPair
     row, column : int or None
         Place of the model; None for a pair of photos that the chain chose itself.
     """
@@ -156,9 +155,6 @@ class Route(Struct, frozen=True):
         The largest first.
     on_ground : bool
         The systems (then one) are on the ground.
-    relative : sequence of RelativeOrientation
-    bridges, connections : tuples of SimilarityStep
-    failures : tuple of NotOriented
     """
 
     systems: tuple[GrowingBlock, ...]

@@ -21,8 +21,6 @@ def subsets(count: int, size: int, limit: int, seed: int = 0) -> IntArray:
     ----------
     count, size : int
         `size` of the indices 0 to `count` - 1; none if `count` is less.
-    limit : int
-    seed : int
 
     Returns
     -------

@@ -83,10 +83,6 @@ class Outcome(Struct, frozen=True):
 
     Parameters
     ----------
-    route : Route
-    grown : GrowingBlock
-    on_ground : bool
-    absolute : SimilarityStep or None
     reason : str
         Why it is not on the ground.
     findings : tuple of str

@@ -80,34 +80,27 @@ class Block(Struct, frozen=True):
 
     Parameters
     ----------
-    definition : BundleDefinition
-    cameras : tuple of Camera
     photos : tuple of Photo
         Their `constant` elements are no unknowns.
     photo_camera : array (number of photos,) of int
     photo_orientation : array (number of photos, 6)
         Starting values in the order of `PHOTO_PARAMETERS`, ground unit and radians, local.
-    point_names : tuple of str
     point_start : array (number of points, 3)
         Starting coordinates, ground unit, local.
-    photo_points : IndexedPhotoPoints
     control_points : tuple of ControlPoint
         Those of measured points alone, rejected ones included.
     constant_points : array (number of points, 3) of bool
         Local coordinates that are no unknowns, since control with a-priori error 0 holds them.
     elements, distances, directions : tuples
         Those whose names are in the block.
-    given_directions : tuple of GivenDirection
     figure_points : tuple of FigurePoint
         Of the figures that the points of the block determine.
-    terrains : tuple of TerrainModel
     terrain_heights : tuple of TerrainHeight
         Of the points that started inside these.
     stations : tuple of Station
         Those of the block's photos, in the project's coordinates.
     differences : tuple of StationDifference
         Those between the block's photos.
-    theodolites : tuple of TheodoliteSet
     antennas : tuple of Antenna
         That of a camera is the first one for all cameras or for it.
     rigs : Rigs

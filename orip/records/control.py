@@ -181,7 +181,6 @@ class ControlPoint(Struct, frozen=True):
 
     Parameters
     ----------
-    name : str
     coordinates : tuple of 3 (float or None)
         X, Y, Z in ground units; None where the file has '-'.
     errors : tuple of 3 (float or None)

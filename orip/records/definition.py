@@ -76,10 +76,8 @@ class Antenna(Struct, frozen=True):
         A-priori errors of the unknown ones; None: nothing is known of them.
     boresight : tuple of 3 float
         Rotation of the camera against the inertial system, degrees.
-    boresight_error : tuple of 3 float or None
     time_offset : float
         Time by which the stations are late, seconds: they are where the antenna was so much later.
-    time_offset_error : float or None
     unknown : tuple of str
         Names of `ANTENNA_PARAMETERS` that the adjustment estimates; the others are constant.
     shift : {"none", "session", "strip"}
@@ -150,7 +148,6 @@ class ReportDetails(Struct, frozen=True):
         For whom, by which company and by whom the work was done.
     order : str
         Number or name of the order.
-    location : str
     flown : str
         When the photos were taken.
     date : str
@@ -220,7 +217,6 @@ class BundleDefinition(Struct, frozen=True):
         What fixes the ground system.
     datum_points : tuple of str
         Points of a free network's inner constraints; empty: all.
-    models : tuple of StereoModel
     repeated_points : {"replace", "mean", "both"}
         A point measured in a photo again: the later measurement counts, the mean of all, or each as an observation.
     early_weights : {"scaled", "full"}

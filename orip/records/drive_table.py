@@ -82,13 +82,11 @@ class DriveCamera(Struct, frozen=True):
 
     Parameters
     ----------
-    name : str
     parameters : tuple of 12 floats
         In the order of `CAMERA_PARAMETERS`, without the readout: stages stand still.
     frame : tuple (x, y)
         Size of the photo frame, mm; a zero means that there is no frame line in that direction.
     distortion_at : {"ideal", "measured"}
-    additional : DriveParameterSet or None
     projection : {"perspective", "equidistant"}
     """
 
@@ -112,8 +110,6 @@ class DrivePhoto(Struct, frozen=True):
 
     Parameters
     ----------
-    name, camera : str
-    template : str or None
     stage : {"UPPER", "LOWER"}
     centre : tuple (X0, Y0, Z0)
         Ground units.
@@ -151,9 +147,6 @@ class DriveTable(Struct, frozen=True):
     block, project, user : str
         Names of the bundle adjustment, of the project, and of who works on it (may be empty).
     plate_unit : {"mm", "px"}
-    object_unit : str
-    upper, lower : StageLimits
-    cameras, templates, photos, models : tuples
     start : tuple (X, Y, Z)
         Where the measuring mark is driven to after the download.
     """

@@ -36,14 +36,11 @@ class Epochs(Struct, frozen=True):
         Of the photo that the file counts; 0: it does not.
     time : array (n,)
         Seconds since 1980-01-06 00:00 GPS time, or of the GPS week if `has_week` is False; NaN where it is not known.
-    has_week : bool
     place : array (n, 3)
         Longitude, latitude (radians) and height above the ellipsoid (m) if `is_geographic`, else X, Y, Z; NaN where
         none was given.
-    is_geographic : bool
     covariance : array (n, 3, 3)
         Of the place along east, north and up, or X, Y, Z; m² or ground units squared; NaN where none was given.
-    quality : tuple of n Quality
     velocity : array (n, 3)
         East, north, up, m/s; NaN where it was not given.
     angles : array (n, 3)

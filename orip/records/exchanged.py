@@ -54,7 +54,6 @@ class ExchangedCamera(Struct, frozen=True):
         As the other program has it.
     columns, rows : int
         Of the frame; 0: the file does not say.
-    lens : Lens
     parameters : mapping of str to float
         By the names of the lens' parameters; those that are missing are 0. Focal lengths and principal point are in
         `lens_axes`.
@@ -218,7 +217,6 @@ class StatedError(Struct, frozen=True):
 
     Parameters
     ----------
-    value : float
     of : {"rms", "mean", "mean_of_points"}
         Root mean square of the lengths of the residuals, their mean, or the mean over points of their mean lengths.
     """
@@ -306,10 +304,6 @@ class ExchangedProject(Struct, frozen=True):
     ----------
     name : str
         Of the project; empty: the file has none.
-    cameras : tuple of ExchangedCamera
-    photos : tuple of ExchangedPhoto
-    points : ExchangedPoints
-    rays : ExchangedRays
     readings : tuple of PoseReading
         Of the poses; more than one where the format does not say, the likeliest first.
     control : tuple of ControlPoint
@@ -324,20 +318,14 @@ class ExchangedProject(Struct, frozen=True):
         By the name of the photo.
     station_reference : StationReference
         What positions of stations refer to.
-    distances : tuple of ControlDistance
     crs : str or None
         None: an arbitrary or plain system.
-    ground_unit : str
-    frame : GroundFrame
     precision : float or None
         A-priori error of a measurement, pixels; None: as the residuals of the import say.
-    stated : StatedError or None
     is_calibration : bool
         It has cameras, and no photos.
     mapped : MappedPlaces or None
         Of a result whose frame is not the system of `control_crs`.
-    rigs : tuple of ExchangedRig
-    exposures : tuple of ExchangedExposure
     notes : tuple of str
         What orip has no place for and is lost, a sentence each.
     """

@@ -26,16 +26,12 @@ class Part(Struct, frozen=True, kw_only=True):
 
     Parameters
     ----------
-    key : str
     size : int
         Number of elements; 1: the value itself, more: a list.
     names : tuple of str
         Keys of the elements in a table of their own, in place of a list.
-    example, heading : str
     units : tuple of str
         One for all elements, or one for each.
-    above, default : float or None
-    required : bool
     """
 
     key: str
@@ -121,7 +117,6 @@ class RecordField(Struct, frozen=True):
         It may be None.
     required : bool
         It has no default.
-    field : Field
     """
 
     name: str

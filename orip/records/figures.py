@@ -42,8 +42,6 @@ class FigureTable(Struct, frozen=True):
 
     Parameters
     ----------
-    names : tuple of str
-    kinds : tuple of FigureKind
     row : tuple of int
         The figure of each point.
     """
@@ -72,8 +70,6 @@ class FigureEstimate(Struct, frozen=True):
 
     Parameters
     ----------
-    name : str
-    kind : FigureKind
     points : int
         In use.
     X, Y, Z : float
@@ -87,7 +83,6 @@ class FigureEstimate(Struct, frozen=True):
         the height of a level.
     sd_direction : float
         Of the direction, where it is known least, degrees; NaN of a level.
-    sd_radius : float
     rms : float
         Of the residuals of its points in use.
     """
@@ -113,7 +108,6 @@ class Terrain(Struct, frozen=True):
 
     Parameters
     ----------
-    name : str
     file : str
         GeoTIFF in the project's system, relative to the project folder.
     error : float

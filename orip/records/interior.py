@@ -57,13 +57,11 @@ class ListedObservation(Struct, frozen=True):
 
     Parameters
     ----------
-    photo, point : str
     measured : pair
         Template coordinates (plate off a template), mm; pixels of a digital frame.
     error, residual, sd, weight_factor : pairs
         Along the photo axes, mm: a-priori error, adjusted minus observed, standard deviation of the adjusted
         observation; the weight factor is 1 or less. NaN where the point was not adjusted or is disregarded.
-    disregarded : bool
     rays : int
         Photos in which the point is measured and not disregarded.
     before : int
@@ -92,7 +90,6 @@ class StereoPartner(Struct, frozen=True):
 
     Parameters
     ----------
-    photo, point, partner : str
     model : str or None
         The model that photo and partner make, if it is defined.
     place : {"measured", "predicted", "not known"}
@@ -114,11 +111,9 @@ class PointToMeasure(Struct, frozen=True):
 
     Parameters
     ----------
-    photo, point : str
     why : {"down-weighted", "disregarded", "killed", "single ray"}
     before, predicted : pairs
         Coordinates as in a log: as measured before, and by the last adjustment.
-    residual, weight_factor : pairs
     """
 
     photo: str

@@ -148,7 +148,6 @@ class PhotoObservations(Struct, frozen=True):
 
     Parameters
     ----------
-    bundle : str
     photos, points : sequences of str, length n
         Photo and point of each observation.
     measured : array (n, 2)

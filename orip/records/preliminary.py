@@ -48,7 +48,6 @@ class RelativeOrientation(Struct, frozen=True):
 
     Parameters
     ----------
-    model, left, right : str
     row, column : int or None
         Place of the model; None for a pair of photos that the chain chose itself.
     points : tuple of str
@@ -69,7 +68,6 @@ class RelativeOrientation(Struct, frozen=True):
         0 for the component that fixes the scale.
     angles, angle_deviation : arrays (3,)
         omega, phi, kappa of the right photo in the model's system.
-    iterations : int
     seuw : float
         Standard error of unit weight; 0 with no redundancy.
     max_residual : float
@@ -129,16 +127,13 @@ class SimilarityStep(Struct, frozen=True):
     residuals : array (n, 3)
         Transformed minus target; NaN where not known.
     weight_factor : array (n, 3)
-    scale, scale_deviation : float
     shift, shift_deviation : arrays (3,)
     angles, angle_deviation : arrays (3,)
         omega, phi, kappa of R.
-    iterations : int
     s0 : float
         Standard error of unit weight; 0 with no redundancy.
     max_residual : float
         Largest residual of full weight, units of the target system.
-    remarks : tuple of str
     """
 
     step: Literal["bridge", "connect", "absolute"]
@@ -187,7 +182,6 @@ class PhotoStart(Struct, frozen=True):
 
     Parameters
     ----------
-    name : str
     rotation : array (3, 3) or None
         Photo to ground; None: could not be oriented.
     centre : array (3,) or None
@@ -207,7 +201,6 @@ class PointStarts(Struct, frozen=True):
 
     Parameters
     ----------
-    names : tuple of str
     coordinates : array (q, 3)
         Ground units.
     deviations : array (q, 3)
@@ -231,7 +224,6 @@ class CameraStart(Struct, frozen=True):
 
     Parameters
     ----------
-    name : str
     parameters : tuple of 12 floats
         In the order of `CAMERA_PARAMETERS`; those that are not unknown as given.
     """
@@ -277,13 +269,8 @@ class PreliminaryValues(Struct, frozen=True):
 
     Parameters
     ----------
-    relative : sequence of RelativeOrientation
-    bridges, connections : tuples of SimilarityStep
-    absolute : SimilarityStep or None
     failures : tuple of NotOriented
         Models and joints that failed.
-    photos : tuple of PhotoStart
-    points : PointStarts
     findings : tuple of str
         What the user should know of the block as a whole, in sentences.
     cameras : tuple of CameraStart

@@ -48,7 +48,6 @@ class GnssSettings(EventSettings, frozen=True, kw_only=True):
     ----------
     rover, base : str
         Observations.
-    orbits : tuple of str
     way : {"kinematic", "epochs"}
     base_place : tuple of 3 float or None
         Geocentric coordinates of the base's mark; None: those of its header.
@@ -56,8 +55,6 @@ class GnssSettings(EventSettings, frozen=True, kw_only=True):
         Of the antennas above their marks; None: as the headers say.
     elevation : float
         Least one of satellites.
-    systems : str
-    frequencies : int
     antex : str
         Calibrations of antennas; empty: none are applied.
     rover_antenna, base_antenna : str
@@ -86,12 +83,10 @@ class ImuSettings(EventSettings, frozen=True, kw_only=True):
 
     Parameters
     ----------
-    samples : str
     positions : str
         A solution of RTKLIB; empty: that of `[gnss]`.
     columns : tuple of str
         Of the table; empty: time, three forces, three rates.
-    force_unit, rate_unit : str
     mount : tuple of 3 float
         Roll, pitch and yaw of the unit on the body.
     time : str

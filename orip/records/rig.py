@@ -35,7 +35,6 @@ class Mounting(Struct, frozen=True):
         A-priori errors.
     rotation : tuple of 3 float or None
         From the photo's axes to those of the rig: omega, phi, kappa, degrees.
-    rotation_error : tuple of 3 float or None
     """
 
     name: Annotated[str, Field(names_record=True, example='"NADIR"')]
@@ -125,8 +124,6 @@ class RigPlaces(NamedTuple):
         Those with photos in the block.
     exposures : tuple of str
         Names of those with photos in the block.
-    rig_of_exposure : tuple of str
-    photos : tuple of RigPhoto
     """
 
     mounted: tuple[MountedCamera, ...]
@@ -140,7 +137,6 @@ def places_on_rigs(rigs: Rigs, photos: Sequence[tuple[str, str]], in_place: Sequ
 
     Parameters
     ----------
-    rigs : Rigs
     photos : sequence of (str, str)
         Name and camera of each photo.
     in_place : sequence of (str, str)

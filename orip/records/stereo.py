@@ -45,7 +45,6 @@ class StereoFeature(Struct, frozen=True):
         What it is, such as ROAD.
     name : str
         Which one it is: with its code it names the feature in a file.
-    vertices : tuple of StereoVertex
     line : int
         Where it stands in its file.
     """

@@ -5,13 +5,14 @@ from __future__ import annotations
 import base64
 import hashlib
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import msgspec
+import numpy as np
 from markupsafe import Markup
 
 from orip.bundle.verdict import GlobalTest, sigma0_test
@@ -22,8 +23,8 @@ from orip.report.control_points import compared_table, distance_table, group_tab
 from orip.report.drawings.block_plan import MOST_OVERLAP, block_plan
 from orip.report.drawings.block_view import block_view
 from orip.report.drawings.ellipses import ellipse_views
-from orip.report.drawings.photo_chips import chip_drawings
 from orip.report.drawings.residual_vectors import photo_anchors, vector_sheets
+from orip.report.drawings.svg import drawing, element, number, text
 from orip.report.first_page import gate_table, key_numbers, method_facts, order_facts, verdict
 from orip.report.photos import (
     motion_table,
@@ -35,7 +36,7 @@ from orip.report.photos import (
     station_table,
     strip_table,
 )
-from orip.report.pictures import report_pictures
+from orip.report.pictures import Chip, report_pictures
 from orip.report.precision import (
     antenna_table,
     convergence_charts,
@@ -47,12 +48,47 @@ from orip.report.precision import (
     variance_component_table,
     zero_direction_table,
 )
-from orip.report.report_input import ReportInput
+from orip.report.report_input import CHIP_PIXELS, ReportInput
 from orip.report.run_mark import RUN_NAME
 from orip.report.table import counted
 from orip.report.templates import kept, rendered, template_source
 from orip.report.trouble import blunder_table, singular_table, suspect_table, weak_table
 from orip.version import __version__
+
+_TIMES = 2.0
+_ARM, _GAP, _RADIUS = 14.0, 4.0, 6.0
+_ROOM_FOR_WORDS = 30.0
+
+
+def chip_drawings(chips: Sequence[Chip]) -> tuple[Markup, ...]:
+    """Return a drawing of each chip: a cross at the measured place, a ring at the adjusted one."""
+    return tuple(_drawing(chip) for chip in chips)
+
+
+def _drawing(chip: Chip) -> Markup:
+    side = CHIP_PIXELS * _TIMES
+    off = float(np.hypot(*(chip.adjusted - chip.measured)))
+    size = f"{off:.2f} px" if off < 10.0 else f"{off:.0f} px"
+    tested = f"v {size}, w {chip.w:.1f}" if np.isfinite(chip.w) else f"v {size}"
+    label = f"Point {chip.point} in photo {chip.photo}: {tested}"
+    parts = [*_chip_parts(chip, side), text(0.0, side + 12.0, f"{chip.point} in {chip.photo}", class_="label")]
+    return drawing(side, side + _ROOM_FOR_WORDS, label, [*parts, text(0.0, side + 26.0, tested)], "chip")
+
+
+def _chip_parts(chip: Chip, side: float) -> Iterator[str]:
+    yield element("image", href=chip.address, x=0, y=0, width=side, height=side, preserveAspectRatio="none")
+    (x, y), (u, v) = (place * _TIMES for place in (chip.measured, chip.adjusted))
+    arms = "".join(
+        f"M{number(x + _GAP * dx)} {number(y + _GAP * dy)}l{number(_ARM * dx)} {number(_ARM * dy)}"
+        for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1))
+    )
+    # each line twice: dark below light, so that it is seen on any ground
+    for style in ("below", "measured"):
+        yield element("path", d=arms, class_=style)
+    u, v = (min(max(float(place), _RADIUS), side - _RADIUS) for place in (u, v))
+    for style in ("below", "adjusted"):
+        yield element("circle", cx=u, cy=v, r=_RADIUS, class_=style)
+
 
 MOST_BYTES = 6_000_000
 """Largest size of a page; for 500 photos and 50 000 points it is kept by drawing and listing fewer of them."""

@@ -30,7 +30,6 @@ class Chip(Struct, frozen=True):
 
     Parameters
     ----------
-    photo, point : str
     w : float
         The larger normalised residual of x and y; NaN if nothing checks them.
     measured, adjusted : arrays (2,)

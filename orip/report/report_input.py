@@ -29,7 +29,6 @@ class PhotoVectors(Struct, frozen=True):
 
     Parameters
     ----------
-    photo : str
     xy, residual : arrays (n, 2), mm
         Measured coordinates, and adjusted minus measured ones.
     sound : array (n,) of bool
@@ -113,14 +112,10 @@ class ReportInput(Struct, frozen=True, dict=True):
 
     Parameters
     ----------
-    solution : Solution
-    gates : tuple of GateResult
-    bundle : BundleDefinition
     cameras : mapping of record_key to Camera
         Their parameters as they were before the adjustment.
     photos : mapping of record_key to Photo
     templates : mapping of record_key to Template
-    details : ReportDetails
     crs : str or None
         Of the project.
     replayed : tuple of (str, str)

@@ -62,7 +62,6 @@ class SummaryLine(Struct, frozen=True):
     ----------
     label : str
         Empty where it continues the line above.
-    text : str
     level : {"good", "caution", "bad"} or None
         None: a fact that is neither.
     """
@@ -79,8 +78,6 @@ def summary(
 
     Parameters
     ----------
-    solution : Solution
-    gates : sequence of GateResult
     error_listing : str
         The file that lists what finds no room.
     test_level : float or None

@@ -28,7 +28,6 @@ def decimals_of_most(precision: ArrayLike, at_most: int = 6) -> int:
     precision : array of any shape
         Standard deviations, for instance; those that are not finite and positive do not count. The smallest twentieth
         does not decide, so that one outstanding point does not lengthen the numbers of all.
-    at_most : int
     """
     known = known_precisions(precision)
     return decimals_of_two_digits(float(np.quantile(known, 0.05)), 0, at_most) if known.size else min(3, at_most)
@@ -118,8 +117,6 @@ class PageColumn(Struct, frozen=True):
 
     Parameters
     ----------
-    heading : str
-    unit : str
     key : str
         Path of its figure in a record of result.json, e.g. ``X.sd``; empty where it shows none.
     cells : sequence of str
@@ -148,7 +145,6 @@ class PageTable(Struct, frozen=True):
     ----------
     records : str
         List or mapping of result.json that the rows come from, e.g. ``points``; empty where there is none.
-    caption : str
     columns : sequence of PageColumn
         All with the same number of cells.
     note : str

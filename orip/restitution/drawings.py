@@ -8,10 +8,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 import numpy as np
 
 from orip.arrays import FloatArray
-from orip.files.maps.dxf import drawing, labelled_point, polyline
-from orip.files.maps.geojson import collection, drawn_features
 from orip.files.maps.geopackage import geopackage
-from orip.files.maps.layers import Shapes
+from orip.files.maps.layers import Shapes, collection, drawing, drawn_features, labelled_point, polyline
 from orip.geometry.other_crs import to_wgs84
 from orip.records.stereo import FeatureKind
 from orip.restitution.feature import Feature

@@ -50,7 +50,6 @@ class Feature(Struct, frozen=True):
     kind : {"POINT", "LINE", "AREA"}
     code, name : str
         Together they are unique in a file.
-    vertices : tuple of Vertex
     lines : tuple (first, last)
         Where it stands in its file; zeros: not yet.
     """

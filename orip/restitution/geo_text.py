@@ -31,7 +31,6 @@ def read_features(path: Path, shown: str) -> Parsed[tuple[Feature, ...]]:
 
     Parameters
     ----------
-    path : Path
     shown : str
         The file as the user would name it.
     """
@@ -64,7 +63,6 @@ def text_with(before: str | None, there: Sequence[Feature], new: Sequence[Featur
         The text as it is; None: there is none yet.
     there : sequence of Feature
         As they were read from it.
-    new : sequence of Feature
     """
     lines = (before or _HEADING).splitlines(keepends=True)
     if lines and not lines[-1].endswith(("\n", "\r")):

@@ -49,7 +49,6 @@ class Restituted(Struct, frozen=True):
         The y-parallax of each of their vertices over its standard deviation, before vertices snapped.
     snapped : int
         Vertices that took the place of one that was there.
-    warnings : tuple of ProjectWarning
     """
 
     file: str
@@ -193,8 +192,6 @@ def stereo_marks(
 
     Parameters
     ----------
-    solved : SolvedBlock
-    vertices : sequence of StereoVertex
     place : mapping by `record_key`
         Places of photos in the block.
     to_photo : mapping by `record_key`

@@ -7,7 +7,7 @@ from typing import Literal
 
 from msgspec import Struct
 
-from orip.schemas import checks, instruments, measuring, planning, preliminary, project, restitution, result
+from orip.schemas import instruments, measuring, planning, preliminary, project, result
 from orip.schemas import project as archive
 
 SchemaName = Literal[
@@ -58,8 +58,8 @@ DOCUMENTS: Mapping[SchemaName, DocumentType] = {
     "archive-simulate": DocumentType(archive.ArchiveSimulate, ("archive simulate",)),
     "archive-status": DocumentType(archive.ArchiveStatus, ("archive status",)),
     "camera-plot": DocumentType(project.CameraPlot, ("camera plot",)),
-    "check": DocumentType(checks.Check, ("check",)),
-    "compare": DocumentType(checks.Compare, ("compare",)),
+    "check": DocumentType(preliminary.Check, ("check",)),
+    "compare": DocumentType(preliminary.Compare, ("compare",)),
     "control-edit": DocumentType(
         project.ControlEdit,
         (*_each(_CONTROL, "add insert edit kill"), *_each(_CONTROL[:-1], "disregard include"), f"{_CONTROL[0]} reject"),
@@ -114,10 +114,10 @@ DOCUMENTS: Mapping[SchemaName, DocumentType] = {
     "record-edit": DocumentType(project.RecordEdit, _each(_RECORDS, "add copy edit rename delete")),
     "records": DocumentType(project.Records, _each(_RECORDS, "list")),
     "relative": DocumentType(preliminary.Relative, ("prelim relative",)),
-    "report": DocumentType(checks.Report, ("report",)),
-    "restitute-compute": DocumentType(restitution.RestituteCompute, ("restitute compute",)),
-    "restitute-export": DocumentType(restitution.RestituteExport, ("restitute export",)),
-    "restitute-show": DocumentType(restitution.RestituteShow, ("restitute show",)),
+    "report": DocumentType(preliminary.Report, ("report",)),
+    "restitute-compute": DocumentType(planning.RestituteCompute, ("restitute compute",)),
+    "restitute-export": DocumentType(planning.RestituteExport, ("restitute export",)),
+    "restitute-show": DocumentType(planning.RestituteShow, ("restitute show",)),
     "result": DocumentType(result.Result, ("result.json", "solve", "run", "adjust"), version=2),
     "result-part": DocumentType(result.PartOfResult, ("results",)),
     "results": DocumentType(result.Results, ("run",), version=2),

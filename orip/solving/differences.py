@@ -39,12 +39,10 @@ class Difference(Struct, frozen=True):
 
     Parameters
     ----------
-    name : str
     a, b : float, str or None
         Their values in the two results.
     size : float
         The difference without sign; infinite where one of them is not a number.
-    allowed : float
     """
 
     name: str

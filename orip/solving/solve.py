@@ -98,9 +98,6 @@ def solve(
     ----------
     gathered : Block
         See `gather_bundle`.
-    method : Method
-    watcher : SolveWatcher
-    pose : callable
 
     Returns
     -------

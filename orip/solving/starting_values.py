@@ -64,7 +64,6 @@ def started_block(block: Block, find: Callable[[Block], PreliminaryValues]) -> S
 
     Parameters
     ----------
-    block : Block
     find : callable
         Runs the chain, where it has to.
 

@@ -44,8 +44,6 @@ class UpdatedPoints(Struct, frozen=True):
         In the order of the file, new ones after them.
     changed : tuple of str
         Names of those whose line differs.
-    values : tuple of ChangedValue
-    kept : tuple of KeptValue
     """
 
     points: tuple[PreliminaryPoint, ...]
@@ -110,7 +108,6 @@ def updated_points(
     ----------
     points : sequence of PreliminaryPoint
         What the file holds; those that the solution does not have, holds constant or does not determine stay.
-    solution : Solution
     wanted : container of str or None
         Names of the points to update; None: all.
     """

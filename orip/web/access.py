@@ -203,7 +203,6 @@ def listening_address(text: str, otherwise: str | None) -> tuple[str, int]:
 
     Parameters
     ----------
-    text : str
     otherwise : str or None
         What to do, besides listening on 127.0.0.1, where other machines could reach the address; None: they may.
 

@@ -87,7 +87,6 @@ class WatchServer(ThreadingTCPServer):
 
     Parameters
     ----------
-    watch : Watched
     address : tuple (host, port)
         An address of this machine that no other one reaches; port 0: any that is free.
     pictures : function of a name

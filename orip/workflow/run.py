@@ -29,7 +29,6 @@ class RunSettings(Struct, frozen=True):
     ----------
     bundle : str or None
         The only bundle to adjust; None: all.
-    method : Method
     gates : tuple of str
         Gates besides those of orip.toml, for each bundle.
     """

@@ -33,7 +33,6 @@ class ProjectStatus(Struct, frozen=True):
 
     Parameters
     ----------
-    project : ProjectFolder
     counts : tuple of (str, int)
         Cameras, templates, photos, bundles defined; photo points measured; exposure stations, if there are any; names
         in the singular.
@@ -41,7 +40,6 @@ class ProjectStatus(Struct, frozen=True):
         In the order of the work.
     next_command : str or None
         What comes next; None when everything is up to date.
-    warnings : tuple of ProjectWarning
     """
 
     project: ProjectFolder

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from workflow.small_projects import first_project
 
-from orip.archive.projects import ArchiveProject, find_projects, in_order
+from orip.archive.run import ArchiveProject, find_projects, in_order
 from orip.errors import UsageError
 
 

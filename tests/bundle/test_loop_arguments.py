@@ -22,7 +22,7 @@ from orip.structs import replace
 
 pytestmark = pytest.mark.skipif(not photo_loop.is_compiled(), reason="the extension was not built: no compiler here")
 
-OWN = 16
+OWN = 17
 """Where the arguments begin that each loop has for itself: orip/bundle/compiled/module.c."""
 OF_CAMERA, OF_PHOTO, OF_POINT, ORDER, START, BLOCK_NUMBER, GROUP_START, RUNS_START, RUNS = range(3, 12)
 """Arguments of a layout."""
@@ -83,9 +83,14 @@ def assert_refused(name: str, arguments: list[Any], first: int = 0) -> None:
 )
 def test_indices_that_lead_elsewhere_are_refused(argument: int, place: int, calls: dict[str, list[Any]]) -> None:
     for number in (-1, 10**6, -(2**31), 2**31 - 1):
-        arguments = [given.copy() for given in calls["layout"]]
+        arguments = copied(calls["layout"])
         arguments[argument][place] = number
         assert refused_by(arguments, calls["backward"]), number
+
+
+def copied(arguments: list[Any]) -> list[Any]:
+    """Return arguments with copies of their arrays."""
+    return [given.copy() if isinstance(given, np.ndarray) else given for given in arguments]
 
 
 def refused_by(indices: list[Any], backward: list[Any]) -> bool:
@@ -99,7 +104,7 @@ def refused_by(indices: list[Any], backward: list[Any]) -> bool:
 
 def test_a_photo_that_is_not_among_the_runs_of_its_group_is_refused(calls: dict[str, list[Any]]) -> None:
     """Its unknowns would be looked for without end."""
-    arguments = [given.copy() for given in calls["layout"]]
+    arguments = copied(calls["layout"])
     arguments[RUNS][-1] = arguments[RUNS][-2]
     assert isinstance(call(photo_loop.compiled.layout, arguments), ValueError)
 
@@ -107,17 +112,17 @@ def test_a_photo_that_is_not_among_the_runs_of_its_group_is_refused(calls: dict[
 def test_places_beyond_the_reduced_system_are_refused(calls: dict[str, list[Any]]) -> None:
     cameras, photos = OWN - 2, OWN - 1
     for argument in (cameras, photos):
-        arguments = [given.copy() if isinstance(given, np.ndarray) else given for given in calls["backward"]]
+        arguments = copied(calls["backward"])
         arguments[argument].flat[0] = arguments[OWN + 2].size
         assert isinstance(call(photo_loop.compiled.backward, arguments), ValueError)
 
 
 def test_indices_changed_after_they_were_checked_have_no_effect(calls: dict[str, list[Any]]) -> None:
-    indices = [given.copy() for given in calls["layout"]]
+    indices = copied(calls["layout"])
     layout = photo_loop.compiled.layout(*indices)
     found = []
     for wrong in (None, 2**31 - 1):
-        for array in indices if wrong else ():
+        for array in indices[:-1] if wrong else ():
             array[...] = min(wrong or 0, np.iinfo(array.dtype).max) if array.dtype != bool else True
         turns, *arrays, vectors = calls["backward"][1:]
         arguments = [given.copy() for given in arrays]
@@ -134,6 +139,11 @@ def test_a_layout_of_another_block_is_refused(calls: dict[str, list[Any]]) -> No
     with pytest.MonkeyPatch.context() as patched:
         other = recorded(photo_loop.compiled, lambda: everything(BANDED), patched)["backward"][0]
     assert isinstance(call(photo_loop.compiled.backward, [other, *calls["backward"][1:]]), ValueError)
+
+
+@pytest.mark.parametrize("unknowns", [0, 7, 18])
+def test_photos_have_six_unknowns_or_twelve(unknowns: int, calls: dict[str, list[Any]]) -> None:
+    assert isinstance(call(photo_loop.compiled.layout, [*calls["layout"][:-1], float(unknowns)]), ValueError)
 
 
 def test_every_function_is_called(calls: dict[str, list[Any]]) -> None:

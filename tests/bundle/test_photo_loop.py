@@ -22,6 +22,7 @@ from orip.bundle.compiled import photo_loop
 from orip.bundle.problem import pose_problem
 from orip.bundle.solve import solve_block
 from orip.bundle.starting_state import starting_state
+from orip.bundle.unknowns import CONSTANT
 from orip.records.block import Block, IndexedPhotoPoints
 from orip.records.camera import CAMERA_PARAMETERS, AdditionalSet, Sensor
 from orip.records.control import ControlDistance
@@ -148,7 +149,19 @@ def rolling(block: Block) -> Block:
     return replace(block, cameras=(moving, *block.cameras[1:]))
 
 
+def with_motions(block: Block) -> Block:
+    """Return a rolling shutter's block with the motions of its photos as unknowns."""
+    return replace(rolling(block), definition=replace(block.definition, velocity_error=0.3, rate_error=2.0))
+
+
 BLOCKS = {
+    "motions": lambda: with_motions(two_cameras()),
+    "motions with sets": lambda: with_motions(two_cameras_with_sets()),
+    "motions of a fisheye": lambda: with_motions(self_calibrated("measured", "room")),
+    "motions with held elements": lambda: with_motions(held_elements()),
+    "motions of a free network": lambda: with_motions(
+        replace(self_calibrated("ideal"), definition=replace(self_calibrated("ideal").definition, datum="free"))
+    ),
     "rolling": lambda: rolling(two_cameras()),
     "rolling with sets": lambda: rolling(two_cameras_with_sets()),
     "rolling fisheye": lambda: rolling(self_calibrated("measured", "room")),
@@ -187,7 +200,10 @@ def both_ways(block):
     """Return the layout and the equations by the loop and with the stored matrix."""
     posed, state = pose_problem(block), starting_state(block)
     assert posed.streamed is not None
-    state = replace(state, motions=np.random.default_rng(9).normal(size=state.motions.shape))
+    random = np.random.default_rng(9)
+    state = replace(state, motions=random.normal(size=state.motions.shape))
+    if (posed.unknowns.motions != CONSTANT).any():
+        state = replace(state, motion_corrections=0.03 * random.normal(size=state.motions.shape))
     return posed.layout, posed.linearise(state), replace(posed, streamed=None).linearise(state)
 
 

@@ -30,7 +30,6 @@ class Mistake(Struct, frozen=True):
         Makes it in a folder with the texts of the sample.
     tells : tuple of str
         Words of the first line: what is concerned, and what is wrong.
-    mend : str
     upto : str
         The command that says it: "measure" (after "init") where it is seen before anything is adjusted, else "run".
     listed : bool
@@ -41,7 +40,6 @@ class Mistake(Struct, frozen=True):
     sample: str
     make: Callable[[Path], None]
     tells: tuple[str, ...]
-    mend: str
     upto: str
     listed: bool = True
 
@@ -50,12 +48,12 @@ MISTAKES: dict[str, Mistake] = {}
 
 
 def mistake(
-    title: str, sample: str, *tells: str, mend: str, upto: str = "run", listed: bool = True
+    title: str, sample: str, *tells: str, upto: str = "run", listed: bool = True
 ) -> Callable[[Callable[[Path], None]], Callable[[Path], None]]:
     """Enter a function that makes a mistake into the catalogue, under its name."""
 
     def enter(make: Callable[[Path], None]) -> Callable[[Path], None]:
-        MISTAKES[make.__name__] = Mistake(title, sample, make, tells, mend, upto, listed)
+        MISTAKES[make.__name__] = Mistake(title, sample, make, tells, upto, listed)
         return make
 
     return enter
@@ -72,7 +70,6 @@ def truth() -> dict[str, dict[str, list[float]]]:
 
 @mistake(
     "Wrong camera on a photo", CLIFF, "photo 103", "camera REFLEX35", "not with TELE50",
-    mend="Name the right camera in the `[[photo]]`.",
 )  # fmt: skip
 def wrong_camera(folder: Path) -> None:
     text = (folder / "orip.toml").read_text(encoding="utf-8")
@@ -86,7 +83,6 @@ def wrong_camera(folder: Path) -> None:
 
 @mistake(
     "Principal distance of another lens", CLIFF, "camera REFLEX35", "C = 50 mm does not fit", "35.",
-    mend='Correct `c`, or let the adjustment determine it: `unknown = ["C"]`.',
 )  # fmt: skip
 def other_lens(folder: Path) -> None:
     in_toml(folder, ("c = 35.0 ", "c = 50.0 "), ('unknown = ["C", "DX", "DY", "A3", "A5"]', 'unknown = ["A3", "A5"]'))
@@ -94,7 +90,6 @@ def other_lens(folder: Path) -> None:
 
 @mistake(
     "Focal length as the equivalent for 35 mm film", ZURICH, "camera OLYMPUS", "C = 36 mm", "equivalent for 35 mm film",
-    mend="Write the focal length of the lens itself, mm.",
 )  # fmt: skip
 def equivalent_focal_length(folder: Path) -> None:
     only_photos(folder, SOME_PHOTOS)
@@ -103,7 +98,6 @@ def equivalent_focal_length(folder: Path) -> None:
 
 @mistake(
     "Principal distance in pixels", ZURICH, "error: camera OLYMPUS", "in pixels", "write c = 8.59503",
-    mend="Multiply by the size of a pixel; `c` is in mm.",
 )  # fmt: skip
 def principal_distance_in_pixels(folder: Path) -> None:
     in_toml(folder, ("c = 8.595 ", "c = 1334.34 "))
@@ -111,7 +105,6 @@ def principal_distance_in_pixels(folder: Path) -> None:
 
 @mistake(
     "Sensor size of another camera", ZURICH, "camera OLYMPUS", "C = 8.595 mm does not fit", "the size of the sensor",
-    mend="Correct `width` and `height` of the sensor, or `c`: the photos determine only their ratio.",
 )  # fmt: skip
 def sensor_size(folder: Path) -> None:
     only_photos(folder, SOME_PHOTOS)
@@ -120,7 +113,7 @@ def sensor_size(folder: Path) -> None:
 
 @mistake(
     "Width and height of the sensor exchanged", ZURICH, "camera OLYMPUS", "pixels are square", "width and height",
-    mend="Exchange them.", upto="measure",
+    upto="measure",
 )  # fmt: skip
 def sensor_turned(folder: Path) -> None:
     in_toml(folder, ("width = 8.245, height = 6.6", "width = 6.6, height = 8.245"))
@@ -128,7 +121,6 @@ def sensor_turned(folder: Path) -> None:
 
 @mistake(
     "Distortion of the opposite sign", CLIFF, "camera REFLEX35", "distortion", "opposite sign",
-    mend="Reverse the sign of the coefficients: positive distortion moves the image outwards.",
 )  # fmt: skip
 def distortion_sign(folder: Path) -> None:
     distortion = "distortion = { A3 = 3.1e-5, A5 = -3.2e-8 }"
@@ -140,7 +132,6 @@ def distortion_sign(folder: Path) -> None:
 
 @mistake(
     "Pixel rows counted upwards", ZURICH, "camera OLYMPUS", "rows seem to count upwards", "1024 - row",
-    mend="Rows count down from the upper edge: write rows − row.",
 )  # fmt: skip
 def rows_upwards(folder: Path) -> None:
     in_logs(folder, lambda _, words: [*words[:2], number(words[2], -1.0, 1024.0)])
@@ -148,7 +139,7 @@ def rows_upwards(folder: Path) -> None:
 
 @mistake(
     "Pixel rows counted upwards, plane object", DCS, "other side of the plane", "rows may count upwards",
-    mend="As above. The adjustment fits: the cameras lie mirrored behind the plane.", listed=False,
+    listed=False,
 )  # fmt: skip
 def rows_upwards_on_a_plane(folder: Path) -> None:
     in_logs(folder, lambda _, words: [*words[:2], number(words[2], -1.0, 1024.0)])
@@ -156,7 +147,7 @@ def rows_upwards_on_a_plane(folder: Path) -> None:
 
 @mistake(
     "Row before column", ZURICH, "camera OLYMPUS", "lie outside", "column first",
-    mend="Write the column first.", upto="measure",
+    upto="measure",
 )  # fmt: skip
 def row_before_column(folder: Path) -> None:
     in_logs(folder, lambda _, words: [words[0], words[2], words[1]])
@@ -171,7 +162,7 @@ TURNED_OVER = {"1": "2", "2": "1", "3": "4", "4": "3", "5": "5", "6": "8", "7": 
 @mistake(
     "A scan turned by 180°, fiducial marks named by their position in it",
     CLIFF, "photo 103", "turned by 180°", "3 is 1",
-    mend="Give marks the names that they have on the film, not those of their position in the scan.", upto="measure",
+    upto="measure",
 )  # fmt: skip
 def turned_scan(folder: Path) -> None:
     in_logs(folder, lambda header, words: [TURNED[words[0]], *words[1:]] if header[:2] == ["PHOTO", "103"] else words)
@@ -179,7 +170,7 @@ def turned_scan(folder: Path) -> None:
 
 @mistake(
     "Fiducial marks named from another corner", CLIFF, "photo 103", "turned by 90°", "2 is 1",
-    mend="Start where the camera's list of marks starts.", upto="measure",
+    upto="measure",
 )  # fmt: skip
 def other_corner(folder: Path) -> None:
     in_logs(folder, lambda header, words: [QUARTER[words[0]], *words[1:]] if header[:2] == ["PHOTO", "103"] else words)
@@ -188,7 +179,7 @@ def other_corner(folder: Path) -> None:
 @mistake(
     "Film scanned emulsion up, marks named by their position in the scan",
     CLIFF, "photos 101, 102, 103 and 9 more", "upside down",
-    mend="Mirror the scan; or give the marks the names that they have on the film: then they undo it.", upto="measure",
+    upto="measure",
 )  # fmt: skip
 def emulsion_up(folder: Path) -> None:
     in_logs(
@@ -201,7 +192,7 @@ def emulsion_up(folder: Path) -> None:
 
 @mistake(
     "Film scanned emulsion up, marks named as on the film", CLIFF, "templates LEFT and RIGHT", "mirror image",
-    mend="Nothing, if it was intended: the marks undo it, and the result is right.", upto="measure",
+    upto="measure",
 )  # fmt: skip
 def emulsion_up_named(folder: Path) -> None:
     in_logs(folder, lambda _, words: [words[0], number(words[1], -1.0), words[2]])
@@ -209,7 +200,7 @@ def emulsion_up_named(folder: Path) -> None:
 
 @mistake(
     "A template mounted upside down, tick marks named by their position", CLIFF, "template LEFT", "turned by 180°",
-    mend="Give tick marks the names that they have on the sheet.", upto="measure",
+    upto="measure",
 )  # fmt: skip
 def template_upside_down(folder: Path) -> None:
     second_day = {"201", "203", "205"}
@@ -226,7 +217,6 @@ def template_upside_down(folder: Path) -> None:
 
 @mistake(
     "Two photos exchanged", ZURICH, "photos st3 and st8", "exchanged",
-    mend="Exchange the names in the `POINTS` lines, or the preliminary orientations.",
 )  # fmt: skip
 def exchanged_photos(folder: Path) -> None:
     other = {"st3": "st8", "st8": "st3"}
@@ -235,7 +225,7 @@ def exchanged_photos(folder: Path) -> None:
 
 @mistake(
     "Two photos on a template exchanged", CLIFF, "photo 102", "photo 104", "exchanged",
-    mend="Exchange the names in the `POINTS` lines.", upto="measure",
+    upto="measure",
 )  # fmt: skip
 def exchanged_on_a_template(folder: Path) -> None:
     other = {"102": "104", "104": "102"}
@@ -248,7 +238,6 @@ def exchanged_on_a_template(folder: Path) -> None:
 
 @mistake(
     "The same photo under two names", CLIFF, "photo 113", "photo 103", "one photo",
-    mend="Remove one of the two.",
 )  # fmt: skip
 def photo_twice(folder: Path) -> None:
     text = (folder / "DAY1.MEA").read_text(encoding="utf-8")
@@ -265,7 +254,6 @@ def photo_twice(folder: Path) -> None:
 
 @mistake(
     "A photo that is measured, but is not in the project", ZURICH, "ZURICH.MEA:137", "photo st10 is not defined",
-    mend="Correct the name, or define the photo.",
 )  # fmt: skip
 def unknown_photo(folder: Path) -> None:
     in_logs(folder, lambda _, words: words, lambda header: [*header[:2], header[2].replace("st9", "st10")])
@@ -273,7 +261,6 @@ def unknown_photo(folder: Path) -> None:
 
 @mistake(
     "One number for two points", CLIFF, "point 1401", "one number for two points",
-    mend="Give one of the two another number, in all its photos.",
 )  # fmt: skip
 def one_number_for_two_points(folder: Path) -> None:
     in_logs(folder, lambda _, words: [re.sub("^1102$", "1401", words[0]), *words[1:]])
@@ -281,7 +268,6 @@ def one_number_for_two_points(folder: Path) -> None:
 
 @mistake(
     "A point measured under another number", CLIFF, "photo 204", "point 1301", "probably 1302",
-    mend="Correct the number.",
 )  # fmt: skip
 def another_number(folder: Path) -> None:
     in_logs(
@@ -296,7 +282,6 @@ def another_number(folder: Path) -> None:
 
 @mistake(
     "One number twice in a photo", ZURICH, "ZURICH.MEA:10", "'101' is measured twice",
-    mend="Give the second point its own number.",
 )  # fmt: skip
 def number_twice_in_a_photo(folder: Path) -> None:
     in_logs(
@@ -306,7 +291,6 @@ def number_twice_in_a_photo(folder: Path) -> None:
 
 @mistake(
     "A point measured in the wrong place", CLIFF, "104", "point 1308", "does not fit",
-    mend="Measure it again, or disregard it.",
 )  # fmt: skip
 def mispointed(folder: Path) -> None:
     in_logs(
@@ -324,7 +308,6 @@ def mispointed(folder: Path) -> None:
 
 @mistake(
     "North, east in place of east, north", CLIFF, "X and Y of the control are exchanged", "north, east",
-    mend="Exchange the columns X and Y of the control file.",
 )  # fmt: skip
 def north_east(folder: Path) -> None:
     in_control(folder, lambda words: [words[0], words[2], words[1], *words[3:]])
@@ -332,7 +315,7 @@ def north_east(folder: Path) -> None:
 
 @mistake(
     "North, east in place of east, north; orientations are given", ZURICH, "X and Y are exchanged", "north, east",
-    mend="Exchange the columns X and Y of the control file.", listed=False,
+    listed=False,
 )  # fmt: skip
 def north_east_against_orientations(folder: Path) -> None:
     in_control(folder, lambda words: [words[0], words[2], words[1], *words[3:]])
@@ -344,7 +327,6 @@ def in_feet(words: list[str]) -> list[str]:
 
 @mistake(
     "Control in feet, distances in metres", CLIFF, "distances", "metres, and the control in feet",
-    mend="Write both in one unit.",
 )  # fmt: skip
 def feet(folder: Path) -> None:
     in_control(folder, in_feet)
@@ -352,7 +334,7 @@ def feet(folder: Path) -> None:
 
 @mistake(
     "Control in feet, orientations in metres", ZURICH, "0.3048", "feet", "orientations in metres",
-    mend="Write both in one unit.", listed=False,
+    listed=False,
 )  # fmt: skip
 def feet_against_orientations(folder: Path) -> None:
     in_control(folder, in_feet)
@@ -360,7 +342,6 @@ def feet_against_orientations(folder: Path) -> None:
 
 @mistake(
     "Heights in feet, X and Y in metres", CLIFF, "Z seems to be in feet",
-    mend="Multiply Z by 0.3048.",
 )  # fmt: skip
 def heights_in_feet(folder: Path) -> None:
     in_control(folder, lambda words: [*words[:3], number(words[3], 1.0 / 0.3048), *words[4:]])
@@ -368,7 +349,6 @@ def heights_in_feet(folder: Path) -> None:
 
 @mistake(
     "Longitude and latitude in place of projected coordinates", CLIFF, "longitude and latitude in degrees",
-    mend="Convert to easting and northing.",
 )  # fmt: skip
 def longitude_and_latitude(folder: Path) -> None:
     def degrees(words: list[str]) -> list[str]:
@@ -381,7 +361,6 @@ def longitude_and_latitude(folder: Path) -> None:
 
 @mistake(
     "0 for an unknown height", CLIFF, "control point CP3", "Z = 0", "value is not known",
-    mend="Write `-` for the height and its error.",
 )  # fmt: skip
 def placeholder_height(folder: Path) -> None:
     in_control(folder, lambda words: [*words[:3], "0", *words[4:]] if words[0] == "CP3" else words)
@@ -389,7 +368,7 @@ def placeholder_height(folder: Path) -> None:
 
 @mistake(
     "0 for an unknown height, control constant", ZURICH, "control point 121", "Z = 0", "value is not known",
-    mend="Write `-` for the height and its error.", listed=False,
+    listed=False,
 )  # fmt: skip
 def placeholder_height_held(folder: Path) -> None:
     in_control(folder, lambda words: [*words[:3], "0", *words[4:]] if words[0] == "121" else words)
@@ -397,7 +376,6 @@ def placeholder_height_held(folder: Path) -> None:
 
 @mistake(
     "Two digits exchanged in a coordinate", CLIFF, "control point CP4", "probably 194.989", "two digits",
-    mend="Correct it.",
 )  # fmt: skip
 def exchanged_digits(folder: Path) -> None:
     in_control(folder, lambda words: [words[0], "149.989", *words[2:]] if words[0] == "CP4" else words)
@@ -405,7 +383,6 @@ def exchanged_digits(folder: Path) -> None:
 
 @mistake(
     "Missing minus", CLIFF, "control point CP1", "probably -2.615", "sign",
-    mend="Correct it.",
 )  # fmt: skip
 def missing_minus(folder: Path) -> None:
     in_control(folder, lambda words: [*words[:2], "2.615", *words[3:]] if words[0] == "CP1" else words)
@@ -413,7 +390,7 @@ def missing_minus(folder: Path) -> None:
 
 @mistake(
     "Missing minus, control constant", DCS, "control point 11", "probably -0.101895", "sign",
-    mend="Correct it.", listed=False,
+    listed=False,
 )  # fmt: skip
 def missing_minus_held(folder: Path) -> None:
     in_control(folder, lambda words: [words[0], "0.101895", *words[2:]] if words[0] == "11" else words)
@@ -421,7 +398,6 @@ def missing_minus_held(folder: Path) -> None:
 
 @mistake(
     "Two control points exchanged", CLIFF, "control points CP1 and CP2", "exchanged",
-    mend="Exchange their names.",
 )  # fmt: skip
 def exchanged_control(folder: Path) -> None:
     other = {"CP1": "CP2", "CP2": "CP1"}
@@ -430,7 +406,6 @@ def exchanged_control(folder: Path) -> None:
 
 @mistake(
     "A control point given twice", CLIFF, "CLIFF.PNT:4", "'CP1' is already on line 3",
-    mend="Keep one of the two lines.",
 )  # fmt: skip
 def control_twice(folder: Path) -> None:
     in_control(folder, lambda words: [words[0].replace("CP2", "CP1"), *words[1:]])
@@ -438,7 +413,6 @@ def control_twice(folder: Path) -> None:
 
 @mistake(
     "Heights above the ellipsoid beside heights above the geoid", CLIFF, "check points", "in Z", "height system",
-    mend="Take all heights from one system.",
 )  # fmt: skip
 def two_height_systems(folder: Path) -> None:
     in_control(
@@ -448,7 +422,6 @@ def two_height_systems(folder: Path) -> None:
 
 @mistake(
     "Decimal comma", CLIFF, "CLIFF.PNT:3:6", "'72,012' has a decimal comma", "72.012",
-    mend="Write decimal points.",
 )  # fmt: skip
 def decimal_comma(folder: Path) -> None:
     in_control(folder, lambda words: [words[0], *(word.replace(".", ",") for word in words[1:])])
@@ -459,7 +432,6 @@ def decimal_comma(folder: Path) -> None:
 
 @mistake(
     "A-priori errors of control in mm", CLIFF, "control points fit", "seem to be in mm",
-    mend="Write them in the unit of the coordinates.",
 )  # fmt: skip
 def control_errors_in_mm(folder: Path) -> None:
     in_control(folder, lambda words: [*words[:4], *(number(word, 1e3) for word in words[4:])])
@@ -467,7 +439,6 @@ def control_errors_in_mm(folder: Path) -> None:
 
 @mistake(
     "Measurement precision in pixels", DCS, "measurement_precision = 1 mm", "205 pixels", "'1px'",
-    mend="Write `'1px'`, or the size of a pixel in mm.",
 )  # fmt: skip
 def precision_in_pixels(folder: Path) -> None:
     in_toml(folder, ("measurement_precision = 0.005 ", "measurement_precision = 1 "))
@@ -475,7 +446,7 @@ def precision_in_pixels(folder: Path) -> None:
 
 @mistake(
     "Measurement precision in micrometres", CLIFF, "measurement_precision = 2.2 mm", "write 0.0022",
-    mend="Write mm.", listed=False,
+    listed=False,
 )  # fmt: skip
 def precision_in_micrometres(folder: Path) -> None:
     in_toml(folder, ("measurement_precision = 0.0022 ", "measurement_precision = 2.2 "))
@@ -483,7 +454,7 @@ def precision_in_micrometres(folder: Path) -> None:
 
 @mistake(
     "Measurement precision in metres", CLIFF, "measurement_precision = 2.2e-06", "metres", "0.0022",
-    mend="Write mm.", listed=False,
+    listed=False,
 )  # fmt: skip
 def precision_in_metres(folder: Path) -> None:
     in_toml(folder, ("measurement_precision = 0.0022 ", "measurement_precision = 2.2e-6 "))
@@ -491,7 +462,6 @@ def precision_in_metres(folder: Path) -> None:
 
 @mistake(
     "Preliminary angles in gon", CLIFF, "OMEGA, PHI and KAPPA", "gon", "by 0.9",
-    mend="Write degrees.",
 )  # fmt: skip
 def orientations_in_gon(folder: Path) -> None:
     for name, (*centre, omega, phi, kappa) in truth()["photos"].items():
@@ -504,7 +474,7 @@ def orientations_in_gon(folder: Path) -> None:
 
 @mistake(
     "Preliminary angles in radians", ZURICH, "OMEGA, PHI and KAPPA", "radians", "57.29",
-    mend="Write degrees.", listed=False,
+    listed=False,
 )  # fmt: skip
 def orientations_in_radians(folder: Path) -> None:
     path = folder / "orip.toml"
@@ -515,7 +485,6 @@ def orientations_in_radians(folder: Path) -> None:
 
 @mistake(
     "Theodolite directions in gon", CLIFF, "theodolite directions", "gon", "by 0.9",
-    mend="Write degrees.",
 )  # fmt: skip
 def directions_in_gon(folder: Path) -> None:
     points = truth()["points"]
@@ -533,7 +502,7 @@ def directions_in_gon(folder: Path) -> None:
 
 @mistake(
     "Distances in feet", CLIFF, "distances", "0.3048", "feet, and the control in metres",
-    mend="Write both in one unit.", listed=False,
+    listed=False,
 )  # fmt: skip
 def distances_in_feet(folder: Path) -> None:
     in_control(folder, lambda words: [*words[:4], number(words[4], 1.0 / 0.3048), words[5]], "LEN")
@@ -544,7 +513,6 @@ def distances_in_feet(folder: Path) -> None:
 
 @mistake(
     "Fields separated by commas", CLIFF, "CLIFF.PNT:3", "separate fields by blanks or tabs, not by ','",
-    mend="Separate fields by blanks or tabs.",
 )  # fmt: skip
 def separated_by_commas(folder: Path) -> None:
     in_control(folder, lambda words: [",".join(words)])
@@ -552,7 +520,6 @@ def separated_by_commas(folder: Path) -> None:
 
 @mistake(
     "A heading above the columns", CLIFF, "CLIFF.PNT:1", "no numbers", "begin a heading with !",
-    mend="Begin it with `!` or `#`.",
 )  # fmt: skip
 def heading(folder: Path) -> None:
     path = folder / "CLIFF.PNT"
@@ -561,7 +528,6 @@ def heading(folder: Path) -> None:
 
 @mistake(
     "A text saved as UTF-16 (Windows: Unicode)", CLIFF, "CLIFF.PNT:1", "the file is UTF-16",
-    mend="Save it as UTF-8.",
 )  # fmt: skip
 def saved_as_utf_16(folder: Path) -> None:
     path = folder / "CLIFF.PNT"
@@ -570,7 +536,6 @@ def saved_as_utf_16(folder: Path) -> None:
 
 @mistake(
     "A file called .PNT.txt (Windows hides the end)", CLIFF, "CLIFF.PNT.txt", "called CLIFF.PNT; rename it",
-    mend="Rename it.",
 )  # fmt: skip
 def hidden_extension(folder: Path) -> None:
     (folder / "CLIFF.PNT").rename(folder / "CLIFF.PNT.txt")
@@ -578,7 +543,7 @@ def hidden_extension(folder: Path) -> None:
 
 @mistake(
     "A measurement file in small letters", CLIFF, "day1.mea", "not read", "*.MEA; rename it",
-    mend="Rename it.", upto="measure", listed=False,
+    upto="measure", listed=False,
 )  # fmt: skip
 def small_letters(folder: Path) -> None:
     (folder / "DAY1.MEA").rename(folder / "day1.mea")
@@ -586,7 +551,6 @@ def small_letters(folder: Path) -> None:
 
 @mistake(
     "Typographic quotation marks in orip.toml", CLIFF, "orip.toml:4:8", "typographic quotation marks",
-    mend="Write straight ones, as a text editor does.",
 )  # fmt: skip
 def typographic_quotes(folder: Path) -> None:
     in_toml(folder, ('name = "CLIFF"', "name = “CLIFF”"))
@@ -594,7 +558,7 @@ def typographic_quotes(folder: Path) -> None:
 
 @mistake(
     "No quotation marks in orip.toml", CLIFF, "orip.toml:4:8", 'quotation marks; write "CLIFF"',
-    mend='Put texts in quotation marks.', listed=False,
+    listed=False,
 )  # fmt: skip
 def no_quotes(folder: Path) -> None:
     in_toml(folder, ('name = "CLIFF"', "name = CLIFF"))
@@ -602,7 +566,6 @@ def no_quotes(folder: Path) -> None:
 
 @mistake(
     "Control is missing", CLIFF, "12 of 12 photos", "no control point is in the block, 3 are needed",
-    mend="Write the control points into the project's `.PNT` file; or `datum = \"free\"`.",
 )  # fmt: skip
 def no_control(folder: Path) -> None:
     (folder / "CLIFF.PNT").unlink()
@@ -610,7 +573,6 @@ def no_control(folder: Path) -> None:
 
 @mistake(
     "Principal distance in metres", CLIFF, "error: camera REFLEX35", "is that of no lens", "write c = 35",
-    mend="Write mm.",
 )  # fmt: skip
 def principal_distance_in_metres(folder: Path) -> None:
     in_toml(folder, ("c = 35.0 ", "c = 0.035 "))
@@ -619,7 +581,6 @@ def principal_distance_in_metres(folder: Path) -> None:
 @mistake(
     "Size of a pixel in place of the sensor's", ZURICH, "error: camera OLYMPUS", "the size of a pixel in mm",
     "width = 8.24",
-    mend="Write width and height of the whole sensor, mm.",
 )  # fmt: skip
 def pixel_as_sensor(folder: Path) -> None:
     in_toml(folder, ("width = 8.245, height = 6.6", "width = 0.00644, height = 0.00644"))
@@ -627,7 +588,7 @@ def pixel_as_sensor(folder: Path) -> None:
 
 @mistake(
     "Control in centimetres, distances in metres", CLIFF, "distances", "by 100", "the control in centimetres",
-    mend="Write both in one unit.", listed=False,
+    listed=False,
 )  # fmt: skip
 def control_in_centimetres(folder: Path) -> None:
     in_control(folder, lambda words: [words[0], *(number(word, 100.0) for word in words[1:])])

@@ -32,7 +32,7 @@ def first_line(said: list[Said]) -> str:
 
 def row(mistake: Mistake, line: str) -> str:
     """Return a row of the table."""
-    return f"| {mistake.title} | {diagnosis(line)} | {mistake.mend} |\n"
+    return f"| {mistake.title} | {diagnosis(line)} |\n"
 
 
 def diagnosis(line: str) -> str:
@@ -46,7 +46,7 @@ def write_table() -> None:
     """Write the table of the documentation again: ``PYTHONPATH=tests python -m mistakes.first_line``."""
     from tempfile import TemporaryDirectory
 
-    rows = ["| mistake | what orip says first | how to mend it |\n", "|---|---|---|\n"]
+    rows = ["| mistake | what orip says first |\n", "|---|---|\n"]
     for name, mistake in ((name, mistake) for name, mistake in MISTAKES.items() if mistake.listed):
         with TemporaryDirectory() as folder:
             rows.append(row(mistake, first_line(said_of(mistake, Path(folder) / name))))

@@ -14,8 +14,7 @@ from workflow.small_projects import film_project
 
 from orip.multimodel.movement import automatic, change_model, drive_object
 from orip.multimodel.readout import drive_objects, object_position
-from orip.multimodel.stereo_pairs import stereo_pairs
-from orip.multimodel.stereo_project import open_stereo
+from orip.multimodel.stereo_project import open_stereo, stereo_pairs
 from orip.multimodel.table import object_ground
 from orip.multimodel.table_step import DriveTableOutcome, load_drive_table
 from orip.records.results.solution import Solution

@@ -104,7 +104,7 @@ def test_what_is_not_observed_is_said(tmp_path: Path) -> None:
     adjusted(project(tmp_path / "session"))
     asked = Asked(tmp_path / "session")
     assert (
-        "nothing that is observed is called 'control point 99'"
+        "there is no observation with an a-priori error called 'control point 99'; did you mean 'control point"
         in asked(do="exclude", observation="control point 99")["error"]
     )
     assert "does not have" in asked(do="exclude", observation="control point 2", photo="left")["error"]

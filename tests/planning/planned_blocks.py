@@ -8,10 +8,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from orip.bundle.additions.placing import planned_control
+from orip.planning.designed import level
 from orip.planning.forecast import Design, design_block, tie_points
 from orip.planning.geometry import Terrain
 from orip.planning.plan import plan_flight
-from orip.planning.terrain import level
 from orip.records.block import Block
 from orip.records.camera import Camera, Sensor
 from orip.records.control import Control

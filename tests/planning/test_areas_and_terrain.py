@@ -11,7 +11,7 @@ import pytest
 
 from orip.errors import InputError
 from orip.planning.areas import checked_outline, read_outline
-from orip.planning.terrain import terrain_of_raster
+from orip.planning.designed import terrain_of_raster
 
 SQUARE = [[10.0, 53.0], [10.004, 53.0], [10.004, 53.003], [10.0, 53.003], [10.0, 53.0]]
 

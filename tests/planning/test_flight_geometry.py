@@ -9,6 +9,7 @@ import pytest
 
 from orip.errors import InputError
 from orip.planning.areas import checked_outline
+from orip.planning.designed import level
 from orip.planning.geometry import (
     Frame,
     Wanted,
@@ -20,7 +21,6 @@ from orip.planning.geometry import (
     strips_along,
     strips_over,
 )
-from orip.planning.terrain import level
 
 FILM = Frame(153.0, 230.0, 230.0, 0.02)
 DRONE = Frame(8.8, 8.8, 13.2, 13.2 / 5472)

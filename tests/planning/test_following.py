@@ -18,8 +18,7 @@ from cli.command_line import orip
 from planning.test_plan_commands import project, stations
 
 from orip.errors import UsageError
-from orip.planning.following.page import FollowedFlight
-from orip.planning.following.progress import begin_flight, move_to
+from orip.planning.following.progress import FollowedFlight, begin_flight, move_to
 from orip.planning.following.receiver import lines_of, read_fix
 from orip.records.control import Station
 from orip.web.page_server import WatchServer

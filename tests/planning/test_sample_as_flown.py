@@ -10,8 +10,8 @@ from cli.command_line import orip
 from workflow.small_projects import REPOSITORY
 
 from orip.api.project import open_project
+from orip.planning.designed import terrain_of_points
 from orip.planning.forecast import Design, design_block, forecast, tie_points
-from orip.planning.terrain import terrain_of_points
 from orip.structs import replace
 
 SHIFT = '\n[[antenna]]\nname = "RTK"\nshift = "strip"\nstrips = ["S3"]\n'

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import json
+import os
+import sys
 import threading
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +20,7 @@ import numpy as np
 from pictures.rendered_plane import RenderedPlane, render
 
 from orip.annexes import MEASURING_ONLINE, annex
+from orip.cli.main import main
 from orip.screen.measuring_screen import MeasuringScreen
 from orip.screen.plates import plates_of
 from orip.web.page_server import WatchServer
@@ -88,6 +94,30 @@ def served(folder: Path) -> Iterator[WatchServer]:
     session = annex(MEASURING_ONLINE).session_to_measure(folder, None)
     with serving(MeasuringScreen(session, "plane MAIN", plates_of(state, None), folder)) as server:
         yield server
+
+
+@contextmanager
+def screen_of(folder: Path) -> Iterator[tuple[BaseProcess, str]]:
+    """Run `orip screen` in a process of its own, which has loaded orip before; give it and the address of its page."""
+    forks = get_context("forkserver")
+    forks.set_forkserver_preload([__name__, "orip.screen.command"])
+    receiver, sender = forks.Pipe(duplex=False)
+    process = forks.Process(target=_screen, args=(str(folder), sender))
+    process.start()
+    sender.close()
+    try:
+        with open(receiver.fileno(), encoding="utf-8", closefd=False) as said:
+            yield process, said.readline().strip()
+    finally:
+        process.kill()
+        process.join()
+
+
+def _screen(folder: str, said: Connection) -> None:
+    sys.stdout = open(said.fileno(), "w", encoding="utf-8", closefd=False)  # noqa: SIM115  # while the process lasts
+    sys.stderr = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115
+    sys.argv = ["orip", "-C", folder, "screen", "--no-open"]
+    main()
 
 
 @contextmanager

@@ -36,7 +36,7 @@ class Hill(NamedTuple):
 
 
 @pytest.fixture(scope="module")
-def rendered(tmp_path_factory: pytest.TempPathFactory) -> Hill:
+def adjusted_hill(tmp_path_factory: pytest.TempPathFactory) -> Hill:
     folder = tmp_path_factory.mktemp("hill") / "project"
     shutil.copytree(REPOSITORY / "sample_projects" / "rendered_hill", folder, ignore=shutil.ignore_patterns("*.png"))
     spec = importlib.util.spec_from_file_location("rendered_hill", folder / "simulate.py")
@@ -50,10 +50,10 @@ def rendered(tmp_path_factory: pytest.TempPathFactory) -> Hill:
 
 
 @pytest.fixture
-def hill(rendered: Hill) -> Hill:
+def hill(adjusted_hill: Hill) -> Hill:
     for name in (STEREO_FILE, "HILL.GEO"):
-        (rendered.folder / name).unlink(missing_ok=True)
-    return rendered
+        (adjusted_hill.folder / name).unlink(missing_ok=True)
+    return adjusted_hill
 
 
 def run_through(screen: StereoScreen) -> str:

@@ -12,22 +12,12 @@ Images = pytest.importorskip("PIL.Image")
 pytest.importorskip("cv2")
 
 from cli.command_line import orip  # noqa: E402  # after what it needs
-from screen.rendered_project import NEW, Rendered, asked, make_project, served  # noqa: E402
+from screen.rendered_project import NEW, Rendered, asked, served  # noqa: E402
 
 from orip.errors import UsageError  # noqa: E402
 from orip.screen.command import shown_first  # noqa: E402
 from orip.screen.plates import plates_of  # noqa: E402
 from orip.workflow.project.state import read_project  # noqa: E402
-
-
-@pytest.fixture(scope="module")
-def rendered() -> Rendered:
-    return Rendered()
-
-
-@pytest.fixture
-def project(tmp_path: Path, rendered: Rendered) -> Path:
-    return make_project(tmp_path, rendered)
 
 
 def test_the_tiles_are_the_image(project: Path, rendered: Rendered) -> None:

@@ -10,17 +10,12 @@ import pytest
 Images = pytest.importorskip("PIL.Image")
 pytest.importorskip("cv2")
 
-from screen.rendered_project import NEW, Rendered, asked, make_project, served  # noqa: E402  # after what it needs
+from screen.rendered_project import NEW, Rendered, asked, served  # noqa: E402  # after what it needs
 
 from orip.images import tiles  # noqa: E402
 from orip.images.tile_folder import TILE_FOLDER, TileFolder  # noqa: E402
 from orip.images.tiles import StoredImage, TileName, TileStore  # noqa: E402
 from orip.online.block.online_block import OnlineBlock  # noqa: E402
-
-
-@pytest.fixture(scope="module")
-def rendered() -> Rendered:
-    return Rendered()
 
 
 @pytest.fixture
@@ -91,11 +86,6 @@ def test_an_image_of_another_size_is_refused_and_one_with_other_pixels_shown(pro
         _, said = asked(server.url, "propose", {**wanted, "photo": "P1", "x": x, "y": y})
         assert [one["photo"] for one in said["proposals"]] == ["P2"]
         assert "images/P0.png" in said["faults"][0]
-
-
-@pytest.fixture
-def project(tmp_path: Path, rendered: Rendered) -> Path:
-    return make_project(tmp_path, rendered)
 
 
 def test_the_block_is_taken_to_its_solution_once_for_each_change(

@@ -194,3 +194,15 @@ def test_inertial_files_that_are_exchanged_or_of_others(flown, tmp_path):
     said = orip(folder, "imu", "degrees.csv", "flight.pos", LEVER)
     assert "--rate-unit deg/s" in said.err, said.err
     is_one_answer(said, folder, before | {"degrees.csv": (folder / "degrees.csv").read_bytes()})
+
+
+def test_a_sample_that_was_misread_is_named(tmp_path, flown):
+    folder = Path(shutil.copytree(flown, tmp_path / "f"))
+    rows = (flown / "imu.csv").read_text().splitlines()
+    for line, column, wrong in ((1114, 4, "5"), (602, 2, "-180")):
+        words = rows[line].split(",")
+        rows[line] = ",".join([*words[:column], wrong, *words[column + 1 :]])
+    (folder / "imu.csv").write_text("\n".join(rows) + "\n")
+    said = orip(folder, "imu", "imu.csv", "flight.pos", LEVER)
+    assert "were probably misread: 602 (" in said.err, said.err
+    assert "), 1114 (" in said.err, said.err

@@ -321,6 +321,10 @@ def test_axes_of_the_unit_that_are_not_those_of_the_body(tmp_path, truth):
     assert "axes are exchanged: what is called the force right is forward, forward is right beside" in said.err
 
 
+def table_of(count: int) -> str:
+    return "".join(f"{n / 100},0,0,-9.8,0,0,0\n" for n in range(count))
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -331,6 +335,10 @@ def test_axes_of_the_unit_that_are_not_those_of_the_body(tmp_path, truth):
         ("\n".join(f"{n / 100} 0 0 -9.8 0 0 nan" for n in range(200)), "not finite"),
         ("\n".join(f"{n / 100} 0 0 -9.8 0 0 99" for n in range(200)), "--rate-unit deg/s"),
         ("\n".join(f"{n / 100} 0 0 -9.8 0 0 0" for n in range(200)) + "\nx y z 1 2 3 4", "is no row of numbers"),
+        (table_of(200) + "2,0,0,-9.8,0,0,0,4", "8 columns where the rows before it have 7"),
+        (table_of(200) + "2,0,0,-9.   8,0,0,0", "a.csv:201: '2,0,0,-9.   8,0,0,0' is no row of numbers"),
+        (table_of(200) + "2,0,0,-9.8,0,276031,0", "sample 201 has an angular rate of 276031 rad/s"),
+        (table_of(200) + "2,0,-9e7,-9.8,0,0,0", "sample 201 has a specific force of 9e+07 m/s²"),
     ],
 )
 def test_what_is_no_table_of_a_unit(tmp_path, text, said):

@@ -63,10 +63,7 @@ class DissectedLoop(Struct, frozen=True):
         Of the whole block.
     block : array (n,) of int
         Which eliminated point each photo point is of, -1 for those of points that are not.
-    tree : DissectionTree
-    passes : Passes
     sources : handles of SubBlockSource
-    members : sequence of Members
     """
 
     points: PhotoPointObservations
@@ -237,9 +234,7 @@ class DissectedCoupling(Struct, frozen=True):
 
     Parameters
     ----------
-    loop : DissectedLoop
     parts : handles of NodeCoupling
-    state : BlockState
     factor : array (2 n,)
         Roots of the weight factors over the a-priori errors.
     half : array (b, 3, 3)
@@ -317,7 +312,6 @@ def pose_divided(
 
     Parameters
     ----------
-    block : Block
     spread : callable
         Returns where the nodes are computed; sub-blocks are made as it takes them, one after the other.
     largest : int

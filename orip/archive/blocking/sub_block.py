@@ -147,9 +147,7 @@ def divided(
     ----------
     observed : PhotoPointObservations
         Of the whole block.
-    unknowns : Unknowns
     coordinates : array (number of points, 3)
-    tree : DissectionTree
     nodes : array (b,) of int
         The node of each eliminated point.
     """

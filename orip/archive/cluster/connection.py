@@ -275,7 +275,6 @@ def require_fit_workers(client: Client, marker: Path, *, forking: bool) -> None:
 
     Parameters
     ----------
-    client : Client
     marker : Path
         A file in the folder that client and workers share.
     forking : bool

@@ -109,11 +109,8 @@ class DaskPasses(Struct, frozen=True):
 
     Parameters
     ----------
-    client : Client
-    tree : DissectionTree
     groups : tuple of tuples of int
         Numbers of the nodes that are computed together, ascending: parts of the tree, and single nodes above these.
-    sent : Sent
     folder : Path
         Where client and workers read and write.
     """

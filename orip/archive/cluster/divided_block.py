@@ -84,7 +84,6 @@ class DividedBlocks(Struct):
 
     Parameters
     ----------
-    client : Client
     project : Path
         Folder in whose store of sub-blocks the workers read.
     largest : int

@@ -44,7 +44,6 @@ class WrittenSubBlocks(Struct, frozen=True):
 
     Parameters
     ----------
-    folder : Path
     digests : tuple of str
         SHA-256 of the file of each of them.
     """
@@ -121,8 +120,6 @@ def read_sub_block(folder: Path, number: int, digest: str) -> dict[str, NDArray[
 
     Parameters
     ----------
-    folder : Path
-    number : int
     digest : str
         SHA-256 of what was written.
 
@@ -169,8 +166,6 @@ class StoredSubBlock(Struct, frozen=True):
 
     Parameters
     ----------
-    folder : str
-    number : int
     digest : str
         Of its file.
     version : str

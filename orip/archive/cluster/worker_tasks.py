@@ -94,7 +94,6 @@ def stored_tasks(folder: Path, tasks: Iterable[Any]) -> TaskFile:
     ----------
     folder : Path
         Made where it is missing.
-    tasks : iterable
 
     Raises
     ------
@@ -135,8 +134,6 @@ class GroupTask(Struct, frozen=True):
 
     Parameters
     ----------
-    function : callable
-    nodes : Topology
     items : sequence of lists or Argument
         Values for each node, or the argument that has them.
     chosen : sequence of int or None

@@ -50,7 +50,6 @@ class Network(Struct, frozen=True):
 
     Parameters
     ----------
-    solved : SolvedBlock
     rows : array (n,) of int
         Points that are judged, and between or at which something can be observed.
     columns : array (k,) of int
@@ -95,8 +94,6 @@ def network_of(solved: SolvedBlock, most: int, *, tied: bool) -> Network:
 
     Parameters
     ----------
-    solved : SolvedBlock
-    most : int
     tied : bool
         Only points without control coordinates.
     """
@@ -142,7 +139,6 @@ def distance_candidates(network: Network, error: float, longest: float | None) -
 
     Parameters
     ----------
-    network : Network
     error : float
         A-priori, ground unit.
     longest : float or None
@@ -175,7 +171,6 @@ def photo_candidates(network: Network, camera: int, most: int) -> tuple[list[Can
 
     Parameters
     ----------
-    network : Network
     camera : int
         Place of the camera in the block.
     most : int

@@ -40,7 +40,6 @@ class Wanted(Struct, frozen=True):
     Parameters
     ----------
     what : {"control", "check", "distances", "photos"}
-    count : int
     criterion : {"largest", "mean", "camera"}
         Of the points at all places, or of C.
     places : int
@@ -66,10 +65,8 @@ class Placed(Struct, frozen=True):
     ----------
     points : tuple of ControlPoint
         Check points have negative errors. For distances: their ends, where these are planned.
-    distances : tuple of ControlDistance
     photos : tuple of Station
         With neither position nor angles observed.
-    placement : Placement
     """
 
     points: tuple[ControlPoint, ...]

@@ -35,7 +35,6 @@ class Candidate(Struct, frozen=True):
 
     Parameters
     ----------
-    name : str
     columns : array (k,) of int
         Places of its unknowns in the covariance matrix.
     rows : array (r, k)
@@ -88,7 +87,6 @@ def place(
     ----------
     covariance : array (n, n)
         Of targets and of the candidates' unknowns, positive definite.
-    candidates : sequence of Candidate
     targets : array (t,) of int
         Unknowns that are judged; with the criterion "camera" the last one alone.
     count : int

@@ -24,7 +24,6 @@ def with_rays(block: Block, error: FloatArray) -> Block:
 
     Parameters
     ----------
-    block : Block
     error : array (2,)
         A-priori errors of x and y, mm.
     """

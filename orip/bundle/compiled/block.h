@@ -11,7 +11,14 @@
 /* Of a set, without the shift. */
 #define MOST_PRODUCTS (PRODUCTS - 1)
 #define MOST_CAMERA_COLUMNS (CAMERA_PARAMETERS + 2 * MOST_PRODUCTS)
-#define PHOTO_UNKNOWNS 6
+/* Of the orientation, and of the motion. */
+#define ORIENTATION_UNKNOWNS 6
+#define MOST_PHOTO_UNKNOWNS 12
+#ifdef HAS_MOTIONS
+#define PHOTO_UNKNOWNS MOST_PHOTO_UNKNOWNS
+#else
+#define PHOTO_UNKNOWNS ORIENTATION_UNKNOWNS
+#endif
 /* Kinds of cameras without a set: two bits. */
 #define IS_MEASURED 1
 #define IS_EQUIDISTANT 2
@@ -29,9 +36,9 @@ typedef struct {
     /* photo points */
     const int32_t *camera_of_photo, *photo, *point;
     const double *xy, *error;
-    /* of photos and of photo points, with `moving` */
-    const double *motions, *row;
-    int64_t count, camera_count, photo_count;
+    /* of photos and of photo points, with `moving`; corrections: of motions that are unknowns */
+    const double *motions, *corrections, *row;
+    int64_t count, camera_count, photo_count, photo_unknowns;
     int turned, moving;
 } Block;
 
@@ -67,8 +74,11 @@ typedef struct {
 /* Photo points that a thread takes at a time where groups do not matter. */
 #define ROWS_OF_SHARE 4096
 
-/* Partials by the unknowns of a photo in the order of its columns: X0, Y0, Z0, KAPPA, OMEGA, PHI. */
-static const int32_t photo_elements[PHOTO_UNKNOWNS] = {PHOTO, PHOTO + 1, PHOTO + 2, ROTATION + 2, ROTATION, ROTATION + 1};
+/* Partials by the unknowns of a photo in the order of its columns: X0, Y0, Z0, KAPPA, OMEGA, PHI, and its motion. */
+static const int32_t photo_elements[MOST_PHOTO_UNKNOWNS] = {
+    PHOTO, PHOTO + 1, PHOTO + 2, ROTATION + 2, ROTATION, ROTATION + 1,
+    MOTION, MOTION + 1, MOTION + 2, MOTION + 3, MOTION + 4, MOTION + 5,
+};
 
 /* Length of a photo point's row of partials: by the unknowns of the photo, padded to whole lanes, then of the camera. */
 #define PHOTO_ROW PADDED(PHOTO_UNKNOWNS)
@@ -99,11 +109,15 @@ INLINE void take_rays(const Block *b, const int32_t *rows, Ray *ray)
 /* Take rays to the time of their rows, with the cameras that are loaded. */
 INLINE void move_rays(const Block *b, const int32_t *rows, Ray *ray)
 {
-    const double *motion[LANES], *row[LANES];
-    for (int lane = 0; lane < LANES; lane++)
+    const double *motion[LANES], *correction[LANES], *row[LANES];
+    for (int lane = 0; lane < LANES; lane++) {
         motion[lane] = b->motions + 6 * (int64_t)b->photo[rows[lane]], row[lane] = b->row + rows[lane];
-    for (int k = 0; k < 6; k++)
+        correction[lane] = b->corrections + 6 * (int64_t)b->photo[rows[lane]];
+    }
+    for (int k = 0; k < 6; k++) {
         ray->motion[k] = GATHERED(motion, k);
+        ray->moved[k] = ray->camera[READOUT] * ray->motion[k] + GATHERED(correction, k);
+    }
     ray->row = GATHERED(row, 0);
     move_ray(ray, b->turned);
 }

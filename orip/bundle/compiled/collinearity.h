@@ -18,8 +18,14 @@
 #define POLYNOMIALS 5
 #define PRODUCTS (POLYNOMIALS * POLYNOMIALS)
 
-/* Where the partials by each group of unknowns begin. */
-enum { CAMERA = 0, COEFFICIENTS = 3, READOUT = 12, PHOTO = 13, ROTATION = 16, POINT = 19, ELEMENTS = 22 };
+/* Where the partials by each group of unknowns begin. Those by the motion of the photo, shifts and turns during a readout,
+ * are found where HAS_MOTIONS is defined: the loops are compiled with it and without. */
+enum { CAMERA = 0, COEFFICIENTS = 3, READOUT = 12, PHOTO = 13, ROTATION = 16, POINT = 19, MOTION = 22, MOST_ELEMENTS = 28 };
+#ifdef HAS_MOTIONS
+#define ELEMENTS MOST_ELEMENTS
+#else
+#define ELEMENTS MOTION
+#endif
 
 /* The deformation by a set of additional parameters: dx and dy are sums of products B_i(y) A_j(x) of two polynomials of a
  * coordinate, numbered i times `polynomials` plus j. by_powers: their coefficients by powers of the coordinate; dx, dy:
@@ -29,8 +35,10 @@ typedef struct {
     const double *by_powers, *in_image[2];
 } Set;
 
+/* motion: a second; moved: during a readout, with what is corrected of it; by_turns: from small changes of the turns until
+ * the row to rotations about the ground axes. */
 typedef struct {
-    Lanes camera[CAMERA_PARAMETERS], centre[3], rotation[9], basis[9], ground[3], xy[2], motion[6], row;
+    Lanes camera[CAMERA_PARAMETERS], centre[3], rotation[9], basis[9], ground[3], xy[2], motion[6], moved[6], by_turns[9], row;
 } IN_LINES Ray;
 
 /* product: those of a set, by whose coefficients in dx (or dy) they are the partials of x (or y). */
@@ -173,27 +181,47 @@ INLINE void equidistant(const Lanes *u, Projected *p, int *in_front)
     }
 }
 
-/* Exp([a]x): see rotation_about_axes of orip/geometry/rotation.py. */
-INLINE void rotation_about(const Lanes *a, Lanes *rotation)
+/* I + sine [a]x + versine [a]x^2, with the square of the length of a. */
+INLINE void axis_matrix(const Lanes *a, Lanes square, Lanes sine, Lanes versine, Lanes *matrix)
 {
-    const Lanes square = a[0] * a[0] + a[1] * a[1] + a[2] * a[2];
-    Lanes sine = ALL(1.0), versine = ALL(0.5);
-    for (int lane = 0; lane < LANES; lane++) {
-        const double angle = sqrt(LANE(square, lane));
-        if (angle > 0.0) {
-            const double half = sin(0.5 * angle) / angle;
-            LANE(sine, lane) = sin(angle) / angle, LANE(versine, lane) = 2.0 * half * half;
-        }
-    }
     for (int row = 0; row < 3; row++)
         for (int column = 0; column < 3; column++)
-            rotation[3 * row + column] = versine * a[row] * a[column];
+            matrix[3 * row + column] = versine * a[row] * a[column];
     for (int axis = 0; axis < 3; axis++) {
         const int next = (axis + 1) % 3, last = (axis + 2) % 3;
-        rotation[4 * axis] += 1.0 - versine * square;
-        rotation[3 * last + next] += sine * a[axis];
-        rotation[3 * next + last] -= sine * a[axis];
+        matrix[4 * axis] += 1.0 - versine * square;
+        matrix[3 * last + next] += sine * a[axis];
+        matrix[3 * next + last] -= sine * a[axis];
     }
+}
+
+/* Square of an angle below which the terms that follow in the series are smaller than rounding. */
+#define SMALL_SQUARE 0.1
+
+/* 1 / n! - s / (n + 2)! + s^2 / (n + 4)! ... for small s; factorial: n!. */
+INLINE Lanes alternating_series(Lanes s, int n, double factorial)
+{
+    double term[6] = {1.0 / factorial};
+    for (int k = 1; k < 6; k++)
+        term[k] = -term[k - 1] / ((n + 2 * k - 1) * (n + 2 * k));
+    return term[0] + s * (term[1] + s * (term[2] + s * (term[3] + s * (term[4] + s * term[5]))));
+}
+
+/* Exp([a]x), and J with Exp([a + d]x) = Exp([J d]x) Exp([a]x) for small d: see rotation_about_axes of
+ * orip/geometry/rotation.py and orip/geometry/rolling_shutter.py. */
+INLINE void rotation_about(const Lanes *a, Lanes *rotation, Lanes *by_turns)
+{
+    const Lanes square = a[0] * a[0] + a[1] * a[1] + a[2] * a[2];
+    Lanes sine = alternating_series(square, 1, 1.0), versine = alternating_series(square, 2, 2.0);
+    Lanes rest = alternating_series(square, 3, 6.0);
+    for (int lane = 0; lane < LANES; lane++)
+        if (LANE(square, lane) > SMALL_SQUARE) {
+            const double angle = sqrt(LANE(square, lane)), half = sin(0.5 * angle) / angle;
+            LANE(sine, lane) = sin(angle) / angle, LANE(versine, lane) = 2.0 * half * half;
+            LANE(rest, lane) = (1.0 - LANE(sine, lane)) / LANE(square, lane);
+        }
+    axis_matrix(a, square, sine, versine, rotation);
+    axis_matrix(a, square, versine, rest, by_turns);
 }
 
 INLINE void turn_matrix(const Lanes *turn, Lanes *matrix)
@@ -209,13 +237,12 @@ INLINE void turn_matrix(const Lanes *turn, Lanes *matrix)
  * those of then. See orip/geometry/rolling_shutter.py. */
 INLINE void move_ray(Ray *ray, int turned)
 {
-    const Lanes time = ray->camera[READOUT] * ray->row;
     Lanes angles[3], turn[9];
     for (int axis = 0; axis < 3; axis++) {
-        ray->centre[axis] += time * ray->motion[axis];
-        angles[axis] = time * ray->motion[3 + axis];
+        ray->centre[axis] += ray->row * ray->moved[axis];
+        angles[axis] = ray->row * ray->moved[3 + axis];
     }
-    rotation_about(angles, turn);
+    rotation_about(angles, turn, ray->by_turns);
     turn_matrix(turn, ray->rotation);
     if (turned)
         turn_matrix(turn, ray->basis);
@@ -296,8 +323,14 @@ INLINE void collinearity(const Ray *ray, int is_equidistant, int at_measured, co
         turn[1] = g[2] * v[0] - g[0] * v[2];
         turn[2] = g[0] * v[1] - g[1] * v[0];
         p[READOUT] = ALL(0.0);
-        for (int axis = 0; moving && axis < 3; axis++)
-            p[READOUT] += ray->row * (turn[axis] * ray->motion[3 + axis] - g[axis] * ray->motion[axis]);
+        for (int axis = 0; moving && axis < 3; axis++) {
+            const Lanes *j = ray->by_turns + axis, shift = -ray->row * g[axis];
+            const Lanes of_turn = ray->row * (turn[0] * j[0] + turn[1] * j[3] + turn[2] * j[6]);
+            p[READOUT] += shift * ray->motion[axis] + of_turn * ray->motion[3 + axis];
+#ifdef HAS_MOTIONS
+            p[MOTION + axis] = shift, p[MOTION + 3 + axis] = of_turn;
+#endif
+        }
         if (turned) {
             const Lanes axes[3] = {turn[0], turn[1], turn[2]}, *basis = ray->basis;
             for (int axis = 0; axis < 3; axis++)

@@ -14,6 +14,7 @@ enum {
     CAMERA_PRODUCTS, CAMERA_OWN, CAMERA_ELEMENTS, CAMERA_UNKNOWNS, CAMERA_TERMS, LAYOUT_END
 };
 #define LAYOUT "iibiii" "iiiiii" "iiiii"
+/* After them: the unknowns of a photo. */
 #define LAYOUT_NAME "orip.bundle.compiled.layout"
 
 /* Numbers that the groups of a share need together, if there are several of them: 256 KB. */
@@ -40,7 +41,8 @@ static int do_indices_fit(const Arguments *a)
         && has(a, KIND, cameras) && has(a, SET_DEGREE, cameras) && has(a, OF_POINT, count)
         && has(a, START, length_of(a, BLOCK) + 1) && has(a, RUNS_START, groups + 1) && has(a, CAMERA_PRODUCTS, cameras)
         && has(a, CAMERA_OWN, cameras) && has(a, CAMERA_ELEMENTS, CAMERA_PARAMETERS * cameras)
-        && has(a, CAMERA_UNKNOWNS, cameras) && has(a, CAMERA_TERMS, 2 * MOST_CAMERA_UNKNOWNS * cameras);
+        && has(a, CAMERA_UNKNOWNS, cameras) && has(a, CAMERA_TERMS, 2 * MOST_CAMERA_UNKNOWNS * cameras)
+        && (a->numbers[0] == ORIENTATION_UNKNOWNS || a->numbers[0] == MOST_PHOTO_UNKNOWNS);
 }
 
 /* Whether each camera has the columns that its unknowns are sums of: without products, those of its elements. */
@@ -107,7 +109,7 @@ static Layout *copy_of_indices(const Arguments *a)
     p->camera_unknowns = copied(a, CAMERA_UNKNOWNS, &room), p->camera_terms = copied(a, CAMERA_TERMS, &room);
     b->form = copied(a, FORM, &room);
     b->count = length_of(a, OF_PHOTO), b->camera_count = length_of(a, FORM);
-    b->photo_count = length_of(a, OF_CAMERA);
+    b->photo_count = length_of(a, OF_CAMERA), b->photo_unknowns = (int64_t)a->numbers[0];
     p->blocks = length_of(a, BLOCK), p->groups = length_of(a, GROUP_START) - 1;
     return l;
 }
@@ -152,7 +154,7 @@ static int64_t size_of_group(const Block *b, const Pattern *p, int64_t group, in
         if (p->runs[r] < b->camera_count)
             size += columns_of(p, p->runs[r]);
         else if (!only_cameras)
-            of_photos += PHOTO_UNKNOWNS;
+            of_photos += b->photo_unknowns;
     size = PADDED(size) + of_photos;
     return only_cameras || size > runs ? size : runs;
 }
@@ -225,7 +227,7 @@ static void free_layout(PyObject *capsule)
 static PyObject *layout(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
     Arguments a;
-    if (!take_arguments(&a, arguments, given, LAYOUT, 0))
+    if (!take_arguments(&a, arguments, given, LAYOUT, 1))
         return NULL;
     if (!do_indices_fit(&a))
         return refused(&a);

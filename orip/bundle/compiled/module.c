@@ -5,16 +5,20 @@
  * never stored: partials are computed where they are needed.
  */
 
+/* What the loops need at most is what those with motions need. */
+#define HAS_MOTIONS
+
 #include "layout.h"
 #include "turns.h"
 
 /* The arguments that all loops have in common, in this order, after the layout and the turns and before their own. */
 enum {
-    CAMERAS, DEFORMATION, CENTRES, ROTATIONS, BASES, GROUND, SET_POLYNOMIALS, TERM_FACTORS, XY, ERROR, MOTIONS, ROW_IN_READOUT,
+    CAMERAS, DEFORMATION, CENTRES, ROTATIONS, BASES, GROUND, SET_POLYNOMIALS, TERM_FACTORS, XY, ERROR, MOTIONS,
+    CORRECTIONS, ROW_IN_READOUT,
     OBSERVATION_END,
     CAMERA_PLACES = OBSERVATION_END, PHOTO_PLACES, PATTERN_END
 };
-#define OBSERVATIONS "dddddd" "dddd" "dd"
+#define OBSERVATIONS "dddddd" "dddd" "ddd"
 #define PATTERN "ii"
 
 typedef struct {
@@ -26,6 +30,7 @@ typedef struct {
     double *room;
     void *memory;
     Turns *turns;
+    const Loops *loops;
 } Call;
 
 #define LINE_OF_CACHE 64
@@ -33,7 +38,8 @@ typedef struct {
 /* What is done with a share. */
 typedef void (*Step)(const Call *c, int64_t share, const void *arrays);
 
-static const Loops *loops = &plain_loops;
+/* With the orientations of photos as unknowns, and with motions too. */
+static const Loops *loops = &plain_loops, *moving_loops = &moving_plain_loops;
 
 static int are_all_within(const Arguments *a, int array, int64_t least, int64_t end)
 {
@@ -50,7 +56,7 @@ static int take_block(Call *call)
     b->rotations = v[ROTATIONS].buf, b->bases = v[BASES].buf, b->ground = v[GROUND].buf;
     b->by_powers = v[SET_POLYNOMIALS].buf, call->pattern.term_factors = v[TERM_FACTORS].buf;
     b->xy = v[XY].buf, b->error = v[ERROR].buf;
-    b->motions = v[MOTIONS].buf, b->row = v[ROW_IN_READOUT].buf;
+    b->motions = v[MOTIONS].buf, b->corrections = v[CORRECTIONS].buf, b->row = v[ROW_IN_READOUT].buf;
     b->turned = v[BASES].len > 0, b->moving = v[ROW_IN_READOUT].len > 0;
     return has(a, CAMERAS, CAMERA_PARAMETERS * b->camera_count)
         && has(a, DEFORMATION, 2 * PRODUCTS * b->camera_count) && has(a, CENTRES, 3 * b->photo_count) && has(a, ROTATIONS, 9 * b->photo_count)
@@ -58,6 +64,7 @@ static int take_block(Call *call)
         && has(a, SET_POLYNOMIALS, POLYNOMIALS * POLYNOMIALS * b->camera_count)
         && has(a, TERM_FACTORS, 2 * MOST_CAMERA_UNKNOWNS * b->camera_count) && has(a, XY, 2 * b->count)
         && has(a, ERROR, 2 * b->count) && has(a, MOTIONS, b->moving ? 6 * b->photo_count : 0)
+        && has(a, CORRECTIONS, b->moving ? 6 * b->photo_count : 0)
         && (!b->moving || has(a, ROW_IN_READOUT, b->count));
 }
 
@@ -75,11 +82,11 @@ static int take_pattern(Call *call, int64_t size)
     Pattern *p = &call->pattern;
     p->camera_places = a->views[CAMERA_PLACES].buf, p->photo_places = a->views[PHOTO_PLACES].buf;
     if (!has(a, CAMERA_PLACES, MOST_CAMERA_UNKNOWNS * b->camera_count)
-        || !are_all_within(a, CAMERA_PLACES, INT32_MIN, size) || !has(a, PHOTO_PLACES, PHOTO_UNKNOWNS * b->photo_count)
+        || !are_all_within(a, CAMERA_PLACES, INT32_MIN, size) || !has(a, PHOTO_PLACES, b->photo_unknowns * b->photo_count)
         || !are_all_within(a, PHOTO_PLACES, INT32_MIN, size))
         return 0;
     const size_t room = (size_t)(p->room + numbers_of_panels(p));
-    call->numbers = PyMem_Malloc((ARRAYS_OF_LOCAL + 2) * sizeof(int32_t) * (size_t)(p->longest + 1));
+    call->numbers = PyMem_Malloc((ARRAYS_OF_LOCAL + 3) * sizeof(int32_t) * (size_t)(p->longest + 1));
     call->memory = PyMem_Malloc(sizeof(double) * room + LINE_OF_CACHE);
     if (!call->numbers || !call->memory) {
         PyErr_NoMemory();
@@ -122,6 +129,7 @@ static int begin(Call *call, PyObject *const *arguments, Py_ssize_t given, const
     }
     const Layout *l = PyCapsule_GetPointer(arguments[0], LAYOUT_NAME);
     call->block = l->block, call->pattern = l->pattern, call->points = l->points;
+    call->loops = l->block.photo_unknowns == MOST_PHOTO_UNKNOWNS ? moving_loops : loops;
     call->turns = PyCapsule_GetPointer(arguments[1], TURNS_NAME);
     return take_arguments(&call->a, arguments + 2, given - 2, kinds, numbers);
 }
@@ -177,7 +185,7 @@ typedef struct {
 static void compute_residuals(const Call *c, int64_t share, const void *arrays)
 {
     const Residuals *r = arrays;
-    loops->residuals(&c->block, rows_of(c, share), r->residual, r->in_front);
+    c->loops->residuals(&c->block, rows_of(c, share), r->residual, r->in_front);
 }
 
 static PyObject *residuals(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
@@ -194,7 +202,7 @@ static PyObject *residuals(PyObject *Py_UNUSED(module), PyObject *const *argumen
 
 static void form_points(const Call *c, int64_t share, const void *arrays)
 {
-    loops->points(&c->block, &c->pattern, groups_of(c, share), arrays);
+    c->loops->points(&c->block, &c->pattern, groups_of(c, share), arrays);
 }
 
 static PyObject *points(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
@@ -216,12 +224,12 @@ static PyObject *points(PyObject *Py_UNUSED(module), PyObject *const *arguments,
 
 static void form_normals(const Call *c, int64_t share, const void *arrays)
 {
-    loops->normals(&c->block, &c->pattern, groups_of(c, share), arrays, c->numbers, c->room, c->room + c->pattern.room);
+    c->loops->normals(&c->block, &c->pattern, groups_of(c, share), arrays, c->numbers, c->room, c->room + c->pattern.room);
 }
 
 static void add_normals_of(const Call *c, int64_t share, const void *arrays)
 {
-    loops->add_normals(&c->block, &c->pattern, groups_of(c, share), arrays, c->numbers, c->room);
+    c->loops->add_normals(&c->block, &c->pattern, groups_of(c, share), arrays, c->numbers, c->room);
 }
 
 static PyObject *eliminate(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
@@ -253,7 +261,7 @@ static PyObject *eliminate(PyObject *Py_UNUSED(module), PyObject *const *argumen
 
 static void compute_precision(const Call *c, int64_t share, const void *arrays)
 {
-    loops->precision(&c->block, &c->pattern, groups_of(c, share), arrays, c->numbers, c->room);
+    c->loops->precision(&c->block, &c->pattern, groups_of(c, share), arrays, c->numbers, c->room);
 }
 
 /* The movements of the points of a free network, from four arrays. */
@@ -270,12 +278,12 @@ static int take_movements(const Call *c, int first, Movements *m)
 
 static void sum_movements(const Call *c, int64_t share, const void *arrays)
 {
-    loops->movements(&c->block, &c->pattern, groups_of(c, share), arrays, c->numbers, c->room);
+    c->loops->movements(&c->block, &c->pattern, groups_of(c, share), arrays, c->numbers, c->room);
 }
 
 static void add_movements_of(const Call *c, int64_t share, const void *arrays)
 {
-    loops->add_movements(&c->block, &c->pattern, groups_of(c, share), arrays, c->numbers, c->room);
+    c->loops->add_movements(&c->block, &c->pattern, groups_of(c, share), arrays, c->numbers, c->room);
 }
 
 static PyObject *movements(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
@@ -333,17 +341,17 @@ static PyObject *precision(PyObject *Py_UNUSED(module), PyObject *const *argumen
 
 static void sum_forward(const Call *c, int64_t share, const void *arrays)
 {
-    loops->forward(&c->block, &c->pattern, groups_of(c, share), arrays, c->numbers, c->room);
+    c->loops->forward(&c->block, &c->pattern, groups_of(c, share), arrays, c->numbers, c->room);
 }
 
 static void add_forward_of(const Call *c, int64_t share, const void *arrays)
 {
-    loops->add_forward(&c->block, &c->pattern, groups_of(c, share), arrays, c->numbers, c->room);
+    c->loops->add_forward(&c->block, &c->pattern, groups_of(c, share), arrays, c->numbers, c->room);
 }
 
 static void substitute_back(const Call *c, int64_t share, const void *arrays)
 {
-    loops->backward(&c->block, &c->pattern, groups_of(c, share), arrays, c->numbers, c->room);
+    c->loops->backward(&c->block, &c->pattern, groups_of(c, share), arrays, c->numbers, c->room);
 }
 
 static PyObject *coupling(PyObject *const *arguments, Py_ssize_t given, int forward)
@@ -397,7 +405,7 @@ PyMODINIT_FUNC PyInit__observation_loop(void)
 {
 #ifdef HAS_AVX2_LOOPS
     if (__builtin_cpu_supports("avx2"))
-        loops = &avx2_loops;
+        loops = &avx2_loops, moving_loops = &moving_avx2_loops;
 #endif
     return PyModule_Create(&definition);
 }

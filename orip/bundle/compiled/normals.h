@@ -53,7 +53,8 @@ static void normals_loop(const Block *b, const Pattern *p, Share share, const No
     double roots[LANES][2];
     Local local = local_in(p, numbers);
     RayPanel rays = ray_panel_in(p, of_panels, numbers + ARRAYS_OF_LOCAL * p->longest);
-    PointPanel points = {.rows = of_panels + numbers_of_ray_panel(p), .seen = numbers + (ARRAYS_OF_LOCAL + 1) * p->longest};
+    PointPanel points = {.rows = of_panels + numbers_of_ray_panel(p), .seen = numbers + (ARRAYS_OF_LOCAL + 1) * p->longest,
+                         .of_strip = numbers + (ARRAYS_OF_LOCAL + 2) * p->longest};
     Sums s = {.by_cameras = room};
     begin_ahead(&a);
     for (int64_t group = share.first; group < share.end; group++) {

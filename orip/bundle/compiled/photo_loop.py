@@ -37,7 +37,6 @@ else:
 
 IntArray = NDArray[np.int32]
 
-
 _PHOTO_ORDER = (0, 1, 2, 5, 3, 4)
 
 _VECTORS = 8
@@ -74,8 +73,9 @@ class PhotoPointLoop(Struct, frozen=True):
     ----------
     points : PhotoPointObservations
     cameras : Cameras
-    photo_columns : array (p, 6) of int
-        X0, Y0, Z0, KAPPA, OMEGA, PHI, in the order of the columns; `CONSTANT` where there is no unknown.
+    photo_columns : array (p, 6) or (p, 12) of int
+        X0, Y0, Z0, KAPPA, OMEGA, PHI, in the order of the columns, then motions where they are unknowns of any photo;
+        `CONSTANT` where there is no unknown.
     pattern : Pattern
     block : array (n,) of int
         Which eliminated point each photo point is of, -1 for those of points that are not; the caller adds these.
@@ -223,17 +223,17 @@ class PhotoPointLoop(Struct, frozen=True):
 
     def _observations(self, state: BlockState) -> tuple[object, ...]:
         points, cameras = self.points, self.cameras
-        turned, row, nothing = state.turned_by_angles.any(), points.row, np.empty(0)
+        turned, nothing = state.turned_by_angles.any(), np.empty(0)
+        moving = (nothing,) * 3 if points.row is None else (state.motions, state.motion_corrections, points.row)
         arrays = (
             state.cameras, cameras.deformation(state.additional), state.centres, state.rotations,
             state.rotation_basis() if turned else nothing, state.points, cameras.by_powers, cameras.term_factors,
-            points.xy, points.rows.error, nothing if row is None else state.motions, nothing if row is None else row,
+            points.xy, points.rows.error, *moving,
         )  # fmt: skip
         return tuple(np.ascontiguousarray(array) for array in arrays)
 
     def _places(self, arrangement: Arrangement) -> tuple[IntArray, IntArray]:
-        # CONSTANT is -1, the last index: a constant has no place
-        places = np.append(arrangement.places, CONSTANT).astype(np.int32)
+        places = np.append(arrangement.places, CONSTANT).astype(np.int32)  # CONSTANT is -1, the last index
         return places[self.cameras.columns], places[self.photo_columns]
 
     def _coupling(self, coupling: StreamedCoupling) -> tuple[object, ...]:
@@ -376,20 +376,24 @@ def photo_loop(points: PhotoPointObservations, unknowns: Unknowns, coordinates: 
     camera_of_photo[points.photo] = points.camera
     cameras = cameras_of_loop(points, unknowns)
     pattern = pattern_of_loop(points.photo, block, of_block, camera_of_photo, len(unknowns.cameras))
+    motions = [unknowns.motions] if points.has_unknown_motions else []
+    of_photos = np.hstack([unknowns.photos[:, _PHOTO_ORDER], *motions])
     return PhotoPointLoop(
         points,
         cameras,
-        np.ascontiguousarray(unknowns.photos[:, _PHOTO_ORDER], dtype=np.int32),
+        np.ascontiguousarray(of_photos, dtype=np.int32),
         pattern,
         block,
-        _layout(points, cameras, camera_of_photo, pattern) if _IS_COMPILED else None,
+        _layout(points, cameras, camera_of_photo, pattern, of_photos.shape[1]) if _IS_COMPILED else None,
     )
 
 
-def _layout(points: PhotoPointObservations, cameras: Cameras, camera_of_photo: IntArray, pattern: Pattern) -> object:
+def _layout(
+    points: PhotoPointObservations, cameras: Cameras, camera_of_photo: IntArray, pattern: Pattern, of_a_photo: int
+) -> object:
     return compiled.layout(
         cameras.kind, cameras.polynomials, cameras.form, camera_of_photo, points.photo.astype(np.int32),
         points.point.astype(np.int32), pattern.order, pattern.start, pattern.block, pattern.group_start,
         pattern.runs_start, pattern.runs, cameras.product_columns, cameras.own_columns, cameras.elements,
-        cameras.unknowns, cameras.terms,
+        cameras.unknowns, cameras.terms, float(of_a_photo),
     )  # fmt: skip

@@ -10,10 +10,11 @@
 #define PANEL_PRODUCTS (3 * PANEL_POINTS)
 
 /* E, which is H times the coupling, of some points with the unknowns of the photos of their group: strip after strip, in
- * each the three rows of one point after the other. seen: points that each photo of the group is coupled with, a bit each. */
+ * each the three rows of one point after the other. seen: points that each photo of the group is coupled with, a bit each;
+ * of_strip: those that are coupled with a photo in each strip. */
 typedef struct {
     double *rows;
-    int32_t *seen;
+    int32_t *seen, *of_strip;
     int points;
 } PointPanel;
 
@@ -44,17 +45,27 @@ INLINE void take_point(PointPanel *panel, int64_t photos, const double *const *r
                 AT(to + row * STRIP + k) = AT(rows[row] + first + k);
 }
 
-/* Subtract the products of some points of a panel from a strip of some columns; of each column the panel has the strip
- * that it lies in from its own place on. */
-INLINE void subtract_products(const double *strip, const double *const *of_column, const int32_t *points, int count,
-                              double *const *columns)
+/* Find which points are coupled with the columns of each strip: most photos of a large group do not show most of them. */
+INLINE void find_points_of_strips(const Local *local, int64_t photos, const PointPanel *panel)
+{
+    memset(panel->of_strip, 0, sizeof(int32_t) * (size_t)((photos + STRIP - 1) / STRIP));
+    for (int32_t photo = 0; photo < local->photo_runs; photo++) {
+        const int64_t first = local->first[local->camera_runs + photo] - local->cameras;
+        for (int64_t strip = first / STRIP; strip <= (first + PHOTO_UNKNOWNS - 1) / STRIP; strip++)
+            panel->of_strip[strip] |= panel->seen[photo];
+    }
+}
+
+/* Subtract the products of some points of a panel, a bit each, from a strip of some columns; of each column the panel has
+ * the strip that it lies in from its own place on. */
+INLINE void subtract_products(const double *strip, const double *const *of_column, int32_t points, double *const *columns)
 {
     Lanes sums[COLUMNS_OF_PANEL][STRIP / LANES];
     for (int c = 0; c < COLUMNS_OF_PANEL; c++)
         for (int k = 0; k < STRIP / LANES; k++)
             sums[c][k] = ALL(0.0);
-    for (int p = 0; p < count; p++)
-        for (int64_t at = 3 * STRIP * points[p]; at < 3 * STRIP * (points[p] + 1); at += STRIP)
+    for (int64_t from = 0; points; points >>= 1, from += 3 * STRIP)
+        for (int64_t at = from; points & 1 && at < from + 3 * STRIP; at += STRIP)
             for (int c = 0; c < COLUMNS_OF_PANEL; c++) {
                 const Lanes of_own = ALL(of_column[c][at]);
                 for (int k = 0; k < STRIP / LANES; k++)
@@ -65,15 +76,11 @@ INLINE void subtract_products(const double *strip, const double *const *of_colum
             AT(columns[c] + k * LANES) -= sums[c][k];
 }
 
-/* Eliminate the points of a panel from the columns of a photo, the first of so many columns of photos. */
+/* Eliminate the points of a panel from some columns of a photo, the first of so many columns of photos. */
 INLINE void eliminate_from_photo(const Sums *s, int64_t cameras, int64_t photos, int64_t first, const PointPanel *panel,
                                  int32_t seen)
 {
-    int32_t points[PANEL_POINTS], count = 0;
-    for (int32_t p = 0; p < panel->points; p++)
-        if (seen >> p & 1)
-            points[count++] = p;
-    if (!count)
+    if (!seen)
         return;
     const double *of_column[COLUMNS_OF_PANEL];
     double *columns[COLUMNS_OF_PANEL];
@@ -83,10 +90,13 @@ INLINE void eliminate_from_photo(const Sums *s, int64_t cameras, int64_t photos,
         columns[c] = photos_of(s, cameras + j);
     }
     for (int64_t i = first / STRIP * STRIP; i < photos; i += STRIP) {
+        const int32_t both = seen & panel->of_strip[i / STRIP];
         double *at[COLUMNS_OF_PANEL];
+        if (!both)
+            continue;
         for (int64_t c = 0; c < COLUMNS_OF_PANEL; c++)
             at[c] = columns[c] + i;
-        subtract_products(panel->rows + i * PANEL_PRODUCTS, of_column, points, count, at);
+        subtract_products(panel->rows + i * PANEL_PRODUCTS, of_column, both, at);
     }
 }
 
@@ -94,9 +104,12 @@ INLINE void eliminate_from_photo(const Sums *s, int64_t cameras, int64_t photos,
 static void eliminate_points(const Local *local, const Sums *s, PointPanel *panel)
 {
     const int64_t cameras = local->cameras;
+    if (panel->points)
+        find_points_of_strips(local, local->size - cameras, panel);
     for (int32_t photo = 0; panel->points && photo < local->photo_runs; photo++) {
         const int64_t first = local->first[local->camera_runs + photo] - cameras;
-        eliminate_from_photo(s, cameras, local->size - cameras, first, panel, panel->seen[photo]);
+        for (int64_t of_photo = 0; of_photo < PHOTO_UNKNOWNS; of_photo += COLUMNS_OF_PANEL)
+            eliminate_from_photo(s, cameras, local->size - cameras, first + of_photo, panel, panel->seen[photo]);
         panel->seen[photo] = 0;
     }
     panel->points = 0;

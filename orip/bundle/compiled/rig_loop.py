@@ -209,6 +209,7 @@ def rig_loop(points: PhotoPointObservations, unknowns: Unknowns, coordinates: Fl
         cameras=places(unknowns.cameras),
         additional=places(unknowns.additional),
         photos=places(unknowns.elements),
+        motions=places(unknowns.motions),
         points=places(unknowns.points),
         layout=Layout(
             substitution.size,

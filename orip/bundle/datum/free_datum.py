@@ -86,10 +86,8 @@ def free_datum(
 
     Parameters
     ----------
-    block : Block
     state : BlockState
         The starting state.
-    unknowns : Unknowns
     equations : Equations
         At the starting state.
     on_the_ground : array (n,) of bool
@@ -130,8 +128,6 @@ def free_movements(state: BlockState, unknowns: Unknowns, design: csr_array) -> 
 
     Parameters
     ----------
-    state : BlockState
-    unknowns : Unknowns
     design : sparse array (n, m + 3 b)
         Of the observations that may determine them.
     """
@@ -160,8 +156,6 @@ def information_on_movements(
 
     Parameters
     ----------
-    state : BlockState
-    unknowns : Unknowns
     design : sparse array (n, m + 3 b)
         Of the observations that may determine them, divided by their a-priori errors.
     weights : array (n,)

@@ -148,7 +148,6 @@ class GroundGroups(Struct, frozen=True):
 
     Parameters
     ----------
-    groups : tuple of ObservationGroup
     places : tuple of arrays
         Rows of each group's observations among the k.
     sums : ResidualSums

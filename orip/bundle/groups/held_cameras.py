@@ -47,7 +47,6 @@ def held_cameras(solved: SolvedBlock, weight: FloatArray) -> HeldCameras | None:
 
     Parameters
     ----------
-    solved : SolvedBlock
     weight : array (n,)
         Weight factors of all equations, 0 where one is disregarded.
     """

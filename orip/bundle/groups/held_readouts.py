@@ -47,7 +47,6 @@ def readout_test(solved: SolvedBlock, camera: int, motions: FloatArray) -> Reado
 
     Parameters
     ----------
-    solved : SolvedBlock
     camera : int
         Its row in the block.
     motions : array (number of photos, 6)

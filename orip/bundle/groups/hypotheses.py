@@ -27,7 +27,6 @@ class Cause(NamedTuple):
         The group that it is named by; of held parameters, numbers follow those of the groups.
     extent : CommonExtent
         What has the error in common.
-    components : tuple of str
     name : str
         Of a single observation; else empty.
     """
@@ -43,14 +42,12 @@ class Together(Struct, frozen=True):
 
     Parameters
     ----------
-    columns : tuple of int
     components : tuple of (str, bool)
         Of each column: what it is called, and whether it is a drift; shifts come first.
     groups : tuple of int
         Those that it concerns.
     span : tuple of str
         What is wrong, whatever the component: of two with the same span one is a part of the other.
-    extent : CommonExtent
     name : str
         Of a single observation.
     """

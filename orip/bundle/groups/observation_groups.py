@@ -58,7 +58,6 @@ class ObservationGroup(Struct, frozen=True):
 
     Parameters
     ----------
-    kind, of, component
     rows : array (n,) of int
         Among all observation equations.
     names : tuple of str, length n
@@ -77,7 +76,6 @@ def observation_groups(solved: SolvedBlock, check_points: Collection[str]) -> tu
 
     Parameters
     ----------
-    solved : SolvedBlock
     check_points : collection of str
         Names of the points whose given coordinates are compared with the adjusted ones.
     """
@@ -150,7 +148,6 @@ def rows_under_test(
 
     Parameters
     ----------
-    solved : SolvedBlock
     rows : array (k,) of int
         Among all observation equations.
     weight, others_variance
@@ -215,12 +212,10 @@ class StripErrors(Struct, frozen=True):
 
     Parameters
     ----------
-    strips : tuple of Strip
     errors, factors : arrays (k, g + drifts + components of all stations)
         An error of one unit common to each group, divided by the a-priori errors, and what its residuals are multiplied
         by before they are summed up; then, strip by strip, a drift of one unit a second of each of its groups; then
         errors of one unit common to all stations.
-    together : tuple of AllStations
     """
 
     strips: tuple[Strip, ...]
@@ -239,7 +234,6 @@ def strip_errors(
 
     Parameters
     ----------
-    solved : SolvedBlock
     groups : sequence of ObservationGroup
         Their observations make up the k equations, one group after the other.
     residual, error : arrays (n,)

@@ -50,7 +50,6 @@ class CommonShift(NamedTuple):
     ----------
     log_p : float
         Logarithm of the probability that chance alone gives as much or more.
-    cause : Cause
     alternatives : tuple of Cause
         What it cannot be told apart from.
     doubted : tuple of int
@@ -120,7 +119,6 @@ def common_shifts(ground: GroundGroups, sums: ResidualSums, limit: float) -> Ite
 
     Parameters
     ----------
-    ground : GroundGroups
     sums : ResidualSums
         Those of the groups, after the check points have been used.
     limit : float

@@ -92,7 +92,6 @@ def group_verdict(solved: SolvedBlock, errors: FloatArray, check_points: Collect
 
     Parameters
     ----------
-    solved : SolvedBlock
     errors : array (n,)
         A-priori errors of all observations.
     check_points : collection of str

@@ -22,12 +22,10 @@ class GivenDirectionObservations(Observations, frozen=True):
 
     Parameters
     ----------
-    rows : Rows
     start, end : arrays (n,) of int
     component : array (n,) of int
     axes : array (n, 3, 3)
         Columns to the side, up and along the given direction.
-    ground : GroundSystem
     """
 
     rows: Rows

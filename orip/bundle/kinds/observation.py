@@ -138,7 +138,6 @@ class KindEquations(Struct, frozen=True):
 
     Parameters
     ----------
-    kind : ObservationKind
     observe : callable
         Finds the kind's observations in a block.
     tied_points : callable
@@ -166,7 +165,6 @@ def coordinates_with_partials(ground: GroundSystem, local: FloatArray, axis: Int
 
     Parameters
     ----------
-    ground : GroundSystem
     local : array (n, 3)
         The positions in the local frame.
     axis : array (n,) of int
@@ -224,7 +222,6 @@ def refuse_too_precise(block: Block, observed: Sequence[tuple[str, float]], othe
 
     Parameters
     ----------
-    block : Block
     observed : sequence of (str, float)
         What each is called, and its a-priori error; those of 0 and below have no such equations.
     otherwise : str

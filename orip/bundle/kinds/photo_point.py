@@ -33,7 +33,6 @@ class PhotoPointObservations(Observations, frozen=True):
 
     Parameters
     ----------
-    rows : Rows
     photo, point, camera : arrays (n,) of int
     xy : array (n, 2)
         Measured photo coordinates, mm.
@@ -43,7 +42,6 @@ class PhotoPointObservations(Observations, frozen=True):
         The camera's projection; else the perspective.
     sets : tuple of (camera, set, base)
         Cameras with additional parameters.
-    unknowns : Unknowns
     row : array (n,) or None
         Place of each point in the readout, -1/2 in the upper row to 1/2; None: no camera has one.
     """

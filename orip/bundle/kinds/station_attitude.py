@@ -112,12 +112,9 @@ class AttitudeObservations(Observations, frozen=True):
 
     Parameters
     ----------
-    rows : Rows
     station, axis : arrays (n,) of int
     observed : array (n, 3)
         All angles of their stations, degrees.
-    places : StationPlaces
-    ground : GroundSystem
     mixing : array (n, 6)
         From residuals of the station's X, Y, Z and angles, in the units of rows, to that of the equation.
     position : array (n, 3)

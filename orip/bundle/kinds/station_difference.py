@@ -47,7 +47,6 @@ class DifferenceObservations(Observations, frozen=True):
 
     Parameters
     ----------
-    rows : Rows
     pair, axis : arrays (n,) of int
         Row of the difference among the m, and 0 to 5 for `COMPONENTS`.
     position : array (m, 3)
@@ -60,7 +59,6 @@ class DifferenceObservations(Observations, frozen=True):
         Unknowns of antenna, shift and drift that both stations have.
     places : StationPlaces
         Of the first stations, then of the second ones.
-    ground : GroundSystem
     """
 
     rows: Rows

@@ -41,7 +41,6 @@ class PositionObservations(Observations, frozen=True):
 
     Parameters
     ----------
-    rows : Rows
     station, axis : arrays (n,) of int
         Row of the station among the s, and 0, 1, 2 for X, Y, Z.
     members : array (s,) of int
@@ -49,8 +48,6 @@ class PositionObservations(Observations, frozen=True):
     observed : array (s, 3)
     whitening : array (s, 3, 3)
         From residuals of the coordinates to those of the equations, in the same unit.
-    places : StationPlaces
-    ground : GroundSystem
     """
 
     rows: Rows

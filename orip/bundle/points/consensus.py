@@ -157,10 +157,8 @@ def moves_of_points(
     ----------
     observations : PhotoPointObservations
         All photo points of the block, whose equations are the first ones.
-    unknowns : Unknowns
     equations : Equations
         At the state.
-    state : BlockState
     limit : float
         Standard residual up to which a component fits.
     moves : callable
@@ -247,7 +245,6 @@ def with_points_moved(state: BlockState, move: FloatArray, centres: FloatArray, 
 
     Parameters
     ----------
-    state : BlockState
     move : array (number of points, 3)
         Corrections of the coordinates.
     centres : array (n, 3)

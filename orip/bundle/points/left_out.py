@@ -43,9 +43,6 @@ def without_undetermined_points(
 
     Parameters
     ----------
-    block : Block
-    state : BlockState
-    unknowns : Unknowns
     factors : BlockFactors
         Of the normal equations at the state: they tell at no cost which points are worth a look.
     scale : float
@@ -110,9 +107,6 @@ def improved_points(
 
     Parameters
     ----------
-    block : Block
-    unknowns : Unknowns
-    state : BlockState
     everywhere : BlockState
         The state without points that are left out; some points may have been moved.
     fitting : callable

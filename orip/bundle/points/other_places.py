@@ -165,11 +165,8 @@ def other_places(
 
     Parameters
     ----------
-    block : Block
-    unknowns : Unknowns
     kind : PhotoPointObservations
         All photo points of the block, whose equations are the first ones.
-    state : BlockState
     equations : Equations
         At the state.
     weights : array (n,)

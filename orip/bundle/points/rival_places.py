@@ -44,7 +44,6 @@ class ControlRows(NamedTuple):
 
     Attributes
     ----------
-    observations : ControlPointObservations
     rows : array (n,) of int
         Their equations.
     """
@@ -80,12 +79,8 @@ def rival_places(
 
     Parameters
     ----------
-    block : Block
-    unknowns : Unknowns
     kind : PhotoPointObservations
         All photo points of the block, whose equations are the first ones.
-    control : ControlRows
-    state : BlockState
     equations : Equations
         At the state.
     weights : array (n,)

@@ -122,7 +122,6 @@ def image_residuals(solution: Solution, names: tuple[str, ...], pixel: FloatArra
 
     Parameters
     ----------
-    solution : Solution
     names : tuple of str, length n
     pixel : array (all residuals,), optional
         Length of the unit wanted, for each row of the residuals; mm if not given.

@@ -87,11 +87,6 @@ def point_figures(solved: SolvedBlock, point: int) -> Figures:
 def covariance(solved: SolvedBlock, rows: Sequence[Figures], columns: Sequence[Figures]) -> FloatArray:
     """Return the covariances of figures, those of several records one below the other.
 
-    Parameters
-    ----------
-    solved : SolvedBlock
-    rows, columns : sequences of Figures
-
     Returns
     -------
     array (all figures of `rows`, all figures of `columns`)

@@ -31,7 +31,6 @@ def undetermined_coordinates(solved: SolvedBlock, cofactors: FloatArray) -> Bool
 
     Parameters
     ----------
-    solved : SolvedBlock
     cofactors : array (number of points, 3, 3)
         Of the local coordinates.
     """

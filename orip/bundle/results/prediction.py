@@ -24,7 +24,6 @@ def predict_photo_coordinates(
 
     Parameters
     ----------
-    solution : Solution
     photo : str
         A photo of the solution.
     camera : Camera

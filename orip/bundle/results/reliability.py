@@ -75,7 +75,6 @@ def reliability(residuals: Residuals, deviation_scale: float) -> Reliability:
 
     Parameters
     ----------
-    residuals : Residuals
     deviation_scale : float
         sigma0, or 1 without redundancy.
 
@@ -130,7 +129,6 @@ def suspicious_w(solution: Solution, test_level: float | None = None) -> float:
 
     Parameters
     ----------
-    solution : Solution
     test_level : float or None
         Error probability of one test, as it is classical; None: the limit grows with the number of tests, so that that
         of all together is `FAMILY_ALPHA`.

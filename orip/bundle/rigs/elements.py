@@ -124,7 +124,6 @@ def chained(
     ----------
     partials, columns : arrays (n, j)
         An observation depends on two photos at most.
-    rigs : RigColumns or None
     by_unknowns : array (k, 6, 12) or None
         As of `partials_of_photos`.
     """

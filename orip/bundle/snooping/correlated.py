@@ -45,10 +45,8 @@ def in_directions(
 
     Parameters
     ----------
-    groups : sequence of CorrelatedRows
     every : array (c,) of int
         Rows that the effects are of, as `with_their_groups` returns them.
-    effects : JointEffects
     places : sequence of arrays of int
         Those among `rows` of what is left out together.
     rows : array (k,) of int

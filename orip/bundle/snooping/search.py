@@ -101,16 +101,10 @@ def snoop(
 
     Parameters
     ----------
-    block : Block
-    settings : SnoopingSettings
     on_iteration, stop_asked : callables
         See `orip.bundle.solve.solve_block`; weights are not reduced while snooping.
     pose : callable
         Returns the problem of a block, as a whole or divided.
-
-    Returns
-    -------
-    Snooped
     """
     with stage("searching for blunders"):
         search = _Search(pose(block), settings, on_iteration, stop_asked)

@@ -30,7 +30,6 @@ class Choice(Struct, frozen=True):
 
     Parameters
     ----------
-    candidate : int
     statistic, limit : float
         Those it failed or fitted by.
     alternatives : tuple of int
@@ -127,8 +126,6 @@ def to_leave_out(
     ----------
     effects : JointEffects
         Candidates that have an observation not in use take no part.
-    candidates : Candidates
-    test : OutlierTest
     least_ratio : callable
         Given the ratio of statistic to limit of the first choice, returns that down to which this linearisation is
         good enough.
@@ -160,8 +157,6 @@ def judged_again(effects: JointEffects, candidates: Candidates, test: OutlierTes
 
     Parameters
     ----------
-    effects : JointEffects
-    candidates : Candidates
     test : OutlierTest
         Of the adjustment without the candidate.
     place : int

@@ -113,7 +113,6 @@ def variance_equations(solved: SolvedBlock, groups: Sequence[GroupRows], limit: 
 
     Parameters
     ----------
-    solved : SolvedBlock
     groups : sequence of GroupRows
         With the observations of full weight alone.
     limit : float

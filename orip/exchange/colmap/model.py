@@ -40,10 +40,8 @@ class CameraModel(Struct, frozen=True):
 
     Parameters
     ----------
-    number : int
     parameters : tuple of str
         In the order of the file, by the names of the lens; ``f`` is both focal lengths.
-    lens : Lens
     """
 
     number: int
@@ -97,12 +95,10 @@ class ColmapImage(Struct, frozen=True):
 
     Parameters
     ----------
-    id : int
     pose : tuple of 7 float
         Quaternion w, x, y, z and translation, from the world to the camera.
     camera : int
         Id of its camera.
-    name : str
     keypoints : array (k, 2)
         Columns and rows from the outer corner of the upper left pixel.
     points : array (k,) of int
@@ -146,7 +142,6 @@ class ColmapRig(Struct, frozen=True):
 
     Parameters
     ----------
-    id : int
     sensors : tuple of (int, int)
         Kind and id of each; cameras are of the kind `CAMERA_SENSOR`.
     poses : tuple of (tuple of 7 float, or None)
@@ -171,16 +166,7 @@ class ColmapFrame(Struct, frozen=True):
 
 
 class ColmapModel(Struct, frozen=True):
-    """A sparse model.
-
-    Parameters
-    ----------
-    cameras : tuple of ColmapCamera
-    images : tuple of ColmapImage
-    points : ColmapPoints
-    rigs : tuple of ColmapRig
-    frames : tuple of ColmapFrame
-    """
+    """A sparse model."""
 
     cameras: tuple[ColmapCamera, ...]
     images: tuple[ColmapImage, ...]

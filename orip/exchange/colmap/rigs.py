@@ -68,7 +68,6 @@ def with_rigs(model: ColmapModel, project: ExchangedProject, before: ColmapModel
     ----------
     model : ColmapModel
         With the images and cameras of the project, and others.
-    project : ExchangedProject
     before : ColmapModel or None
         Whose rigs and frames keep their ids and order.
     """

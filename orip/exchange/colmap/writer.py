@@ -53,7 +53,6 @@ def model_files(model: ColmapModel, form: Form, before: Mapping[str, bytes] | No
 
     Parameters
     ----------
-    model : ColmapModel
     form : {"bin", "txt"}
     before : mapping of str to bytes, optional
         Files of the original: lines of a text that say the same stay as they are written there.

@@ -63,7 +63,6 @@ class ConvertedCamera(Struct, frozen=True):
     ----------
     camera : Camera
         Named as the other program has it, or as it will be called.
-    source : ExchangedCamera
     worst_px, rms_px : float
         What the fit leaves over the frame; 0 where the conversion is exact.
     size_is_assumed : bool
@@ -116,8 +115,6 @@ class ExportedCamera(Struct, frozen=True):
 
     Parameters
     ----------
-    source : Camera
-    camera : ExchangedCamera
     worst_px, rms_px : float
         By how much they differ over the frame.
     """
@@ -158,7 +155,6 @@ def convert_camera(
 
     Parameters
     ----------
-    source : ExchangedCamera
     name : str
         Of the record.
     accepts_any_fit : bool
@@ -241,7 +237,6 @@ def export_camera(
         As the other program has it.
     lens : Lens
         That the other program knows.
-    lens_axes, ray_axes : ImageAxes
     terms : tuple of str, or None
         Parameters of the lens that the format has a place for; None: all.
     accepts_any_fit : bool

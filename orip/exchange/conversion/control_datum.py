@@ -124,7 +124,6 @@ def control_datum(rays: ControlRays, observed: ObservedCentres, typical_distance
 
     Parameters
     ----------
-    rays : ControlRays
     observed : ObservedCentres
         Those that have weight.
     typical_distance : float

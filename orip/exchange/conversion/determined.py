@@ -49,7 +49,6 @@ def determined_parameters(
     ----------
     project : ExchangedProject
         With stations in the system of the photos.
-    cameras : sequence of ConvertedCamera
     pixels : array (k, 2)
         Of the rays, as orip counts them.
     found : Reprojection

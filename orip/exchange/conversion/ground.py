@@ -146,8 +146,6 @@ def from_local_ground(project: ExchangedProject, ground: LocalGround, crs: str =
 
     Parameters
     ----------
-    project : ExchangedProject
-    ground : LocalGround
     crs : str
         The system of control and of observed positions, of which those in the local system are taken there, angles are
         left out; empty: they are geocentric, too.

@@ -65,7 +65,6 @@ def pixels_from_axes(
     ----------
     image : array (n, 2)
         In `axes`.
-    axes : ImageAxes
     frame : tuple of 2 int
         Columns and rows.
     sensor_mm : tuple of 2 float, or None

@@ -52,8 +52,6 @@ def parameters_from_polynomial(
 
     Parameters
     ----------
-    polynomial : Polynomial
-    axes : ImageAxes
     frame : tuple of 2 int
         Columns and rows; used unless the axes begin at the frame's centre.
     pixel_mm : float

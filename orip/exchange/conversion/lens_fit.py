@@ -88,7 +88,6 @@ def fitted_rational(
     ----------
     start : mapping of str to float
         All parameters of the lens.
-    profile : RadialProfile
     misfit : callable
         From parameters to what is left of the image, array (n, 2).
     held : tuple of str

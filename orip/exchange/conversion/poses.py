@@ -27,11 +27,6 @@ _EXCHANGED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 def orip_poses(photos: Sequence[ExchangedPhoto], reading: PoseReading) -> tuple[FloatArray, FloatArray]:
     """Return R (n, 3, 3) and X0 (n, 3) of n photos; NaN where a photo has none.
 
-    Parameters
-    ----------
-    photos : sequence of ExchangedPhoto
-    reading : PoseReading
-
     Notes
     -----
     Matrices that are not quite orthogonal, as printed digits leave them, are replaced by the nearest rotations.

@@ -135,7 +135,6 @@ def fitting_reading(
 
     Parameters
     ----------
-    project : ExchangedProject
     cameras : sequence of ConvertedCamera
         Of the project's cameras, in their order.
     pixels : array (k, 2)
@@ -278,7 +277,6 @@ def with_intersections(
 
     Parameters
     ----------
-    cameras : sequence of ConvertedCamera
     camera, point : arrays (k,) of int
         Those of each ray.
     pixels : array (k, 2)

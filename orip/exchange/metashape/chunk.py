@@ -84,13 +84,7 @@ class Marker(Struct, frozen=True):
 
 
 class ChunkReader:
-    """Reads a chunk.
-
-    Parameters
-    ----------
-    chunk : XmlElement
-    fields : XmlFields
-    """
+    """Reads a chunk."""
 
     def __init__(self, chunk: XmlElement, fields: XmlFields) -> None:
         self._chunk = chunk

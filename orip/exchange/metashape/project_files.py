@@ -33,7 +33,6 @@ class ZipMembers:
 
     Parameters
     ----------
-    archive : zipfile.ZipFile
     faults : Faults
         Of the zip file; takes the complaints.
     most : int
@@ -122,12 +121,8 @@ class ProjectChunk(Struct, frozen=True):
 
     Parameters
     ----------
-    element : XmlElement
-    fields : XmlFields
     frame : tuple of (XmlElement, XmlFields), or None
         The first frame, and the document that it is in.
-    ties : TieCloud or None
-    notes : tuple of str
     """
 
     element: XmlElement

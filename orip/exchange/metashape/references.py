@@ -53,14 +53,11 @@ class Reference(Struct, frozen=True):
 
     Parameters
     ----------
-    label : str
     coordinates : tuple of 3 (float or None)
     accuracy : tuple of 3 float, or empty
         Metres.
     angles, angle_accuracy : tuple of 3 float, or empty
         Yaw, pitch and roll, degrees.
-    is_enabled : bool
-    line : int
     """
 
     label: str
@@ -79,7 +76,6 @@ class ReferenceTable(Struct, frozen=True):
     ----------
     crs : str
         What its coordinates refer to; empty where it does not say.
-    references : tuple of Reference
     """
 
     crs: str
@@ -101,8 +97,6 @@ def read_reference_table(path: Path, faults: Faults, letters: str = "") -> Refer
 
     Parameters
     ----------
-    path : Path
-    faults : Faults
     letters : str
         Names of the columns, a letter each; empty: the table's heading names them.
     """
@@ -234,7 +228,6 @@ def with_references(project: ExchangedProject, path: Path, shown: str, letters: 
     ----------
     project : ExchangedProject
         As `read_metashape` returns it.
-    path : Path
     shown : str
         The table as the user would name it.
     letters : str

@@ -115,7 +115,6 @@ def require_rigs(project: ExchangedProject, found: Sequence[tuple[str, PlacedEle
         The result.
     found : sequence of (str, PlacedElement)
         Cameras of the document with their labels.
-    path : Path
 
     Raises
     ------

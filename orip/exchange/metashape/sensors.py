@@ -90,8 +90,6 @@ def calibrated(
     ----------
     calibration : XmlElement
         Its elements are the parameters.
-    fields : XmlFields
-    name : str
     size : tuple of 2 ints
         Columns and rows.
     kind : str

@@ -118,12 +118,10 @@ def add_ties(
 
     Parameters
     ----------
-    cloud : TieCloud
     chunk : ChunkReader
         Takes coordinates to the ground.
     photos : mapping of int to int
         Places of the photos by the ids of their cameras.
-    points, rays : CollectedPoints, CollectedRays
     """
     tracks, places = _added_points(cloud, chunk, points)
     lost = 0
@@ -193,13 +191,8 @@ class Document(Struct, frozen=True):
 
     Parameters
     ----------
-    chunk : ChunkReader
-    element : XmlElement
-    fields : XmlFields
     frames : tuple of (XmlElement, XmlFields)
         With the measurements of markers, and the document that each of them is in.
-    ties : TieCloud or None
-    notes : tuple of str
     """
 
     chunk: ChunkReader

@@ -88,7 +88,6 @@ def require_labels(project: ExchangedProject, original: Path) -> None:
     ----------
     project : ExchangedProject
         As it was read.
-    original : Path
 
     Raises
     ------

@@ -228,10 +228,8 @@ def read_multiple_ties(path: Path, photos: dict[str, int], joiner: TrackJoiner, 
 
     Parameters
     ----------
-    path : Path
     photos : dict of str to int
         Places of the photos that are wanted.
-    joiner : TrackJoiner
     faults : Faults
         Takes the complaints.
     """

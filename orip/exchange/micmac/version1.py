@@ -27,7 +27,6 @@ class Calibration(Struct, frozen=True):
     ----------
     principal_point, centre : tuple of 2 floats
         Principal point, and the centre of the distortion.
-    focal : float
     size : tuple of 2 ints
         Columns and rows.
     radial : tuple of floats
@@ -57,7 +56,6 @@ class Orientation(Struct, frozen=True):
     ----------
     photo, calibration : str
         Names of the photo and of the file of its camera.
-    centre : tuple of 3 floats
     rotation : tuple of 9 floats
         Row by row; columns are the axes of the camera in the world.
     to_camera : tuple of 6 floats or None

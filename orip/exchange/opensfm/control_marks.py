@@ -40,10 +40,8 @@ class ControlMark(Struct, frozen=True):
         x, y, z as written: east, north, height, or longitude, latitude, height; z NaN where it is not known.
     pixel : tuple of 2 floats
         Column and row; the centre of the first pixel is 0.
-    photo : str
     label : str
         What follows in the line; empty where nothing does.
-    line : int
     """
 
     coordinates: tuple[float, float, float]
@@ -199,7 +197,6 @@ class MarkedPoint(Struct, frozen=True):
 
     Parameters
     ----------
-    name : str
     coordinates : tuple of 3 (float or None), or None
         x before y: longitude, latitude, height; or east, north, height. None where the point has no position.
     marks : tuple of (photo, coordinates)

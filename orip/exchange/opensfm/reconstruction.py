@@ -67,16 +67,10 @@ class Reconstruction(Struct, frozen=True):
 
     Parameters
     ----------
-    cameras : tuple of ExchangedCamera
-    photos : tuple of ExchangedPhoto
     points : mapping of str to tuple of 3 floats
         Coordinates by track.
     stations : tuple of Station
         Positions observed by GNSS, in the frame.
-    frame : GroundFrame
-    rigs : tuple of ExchangedRig
-    exposures : tuple of ExchangedExposure
-    notes : tuple of str
     """
 
     cameras: tuple[ExchangedCamera, ...]

@@ -42,14 +42,11 @@ class RigReader:
     ----------
     part : JsonValue
         The reconstruction.
-    cameras : sequence of ExchangedCamera
-    photos : sequence of ExchangedPhoto
 
     Attributes
     ----------
     cameras, photos : tuples
         As before, except that each camera of a rig is a camera of its own.
-    rigs, exposures : tuples
     """
 
     def __init__(self, part: JsonValue, cameras: Sequence[ExchangedCamera], photos: Sequence[ExchangedPhoto]) -> None:

@@ -85,7 +85,6 @@ def read_opensfm(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
 
     Parameters
     ----------
-    source : Path
     shown : str
         The source as the user would name it.
     """

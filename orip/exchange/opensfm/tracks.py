@@ -91,8 +91,6 @@ def read_features(path: Path, faults: Faults, photos: Mapping[str, int], points:
 
     Parameters
     ----------
-    path : Path
-    faults : Faults
     photos, points : mapping of str to int
         Places by the names of photos and of tracks.
     """

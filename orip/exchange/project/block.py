@@ -69,8 +69,6 @@ class ImportedBlock(Struct, frozen=True):
 
     Parameters
     ----------
-    project : ExchangedProject
-    cameras : tuple of ConvertedCamera
     photos, points : tuple of str
         Names that orip gives them.
     marks : mapping of str to str
@@ -79,7 +77,6 @@ class ImportedBlock(Struct, frozen=True):
         Of the rays, as orip counts them.
     deviations : array (k,)
         A-priori errors of the rays, pixels; NaN where the source does not say.
-    found : Reprojection
     notes : tuple of str
         What was lost or assumed, a sentence each.
     datum : ControlDatum or None
@@ -114,10 +111,8 @@ def imported_block(project: ExchangedProject, shown: str, settings: ExchangeSett
 
     Parameters
     ----------
-    project : ExchangedProject
     shown : str
         Its source, for messages.
-    settings : ExchangeSettings
 
     Raises
     ------

@@ -87,8 +87,6 @@ class ExportedResult(Struct, frozen=True):
 
     Parameters
     ----------
-    format : Format
-    project : ExchangedProject
     files : mapping of str to bytes
         By their names in the folder, or the only one.
     target : Path
@@ -99,7 +97,6 @@ class ExportedResult(Struct, frozen=True):
         The project that was adjusted.
     original : Path or None
         The project that the result is written into a copy of.
-    notes : tuple of str
     """
 
     format: Format
@@ -211,7 +208,6 @@ def write_export(exported: ExportedResult, *, force: bool = False) -> None:
 
     Parameters
     ----------
-    exported : ExportedResult
     force : bool
         Also in the place of another file.
 

@@ -52,7 +52,6 @@ def measured_pixels(
 
     Parameters
     ----------
-    bundle : BundleState
     cameras : mapping of record_key to Camera
         As `cameras_with_frames` returns them.
     camera_of_photo : mapping of record_key to record_key
@@ -83,8 +82,6 @@ def given_control(
 
     Parameters
     ----------
-    bundle : BundleState
-    names : NamesTable
     frame : GroundFrame or None
         None: coordinates stay those of the project. Else X and Y of a point without one of them are left out.
     height : float

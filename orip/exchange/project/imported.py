@@ -43,10 +43,6 @@ class ImportedProject(Struct, frozen=True):
 
     Parameters
     ----------
-    format : Format
-    source : Path
-    block : ImportedBlock
-    content : ImportedTexts
     title : str
         Of the project.
     """
@@ -73,7 +69,6 @@ def read_source(format_name: str | None, source: Path, settings: ExchangeSetting
         None: it is guessed.
     source : Path
         File or folder.
-    settings : ExchangeSettings
 
     Raises
     ------
@@ -118,10 +113,8 @@ def import_folder(
 
     Parameters
     ----------
-    source : Path
     folder : Path or None
         None: as the source is called, in the current folder.
-    format_name : str or None
     frame, precision, holds_cameras, corrects_distortion
         See `ExchangeSettings`.
 

@@ -28,10 +28,8 @@ def datum_of_control(
     ----------
     project : ExchangedProject
         With control and stations in its own system.
-    cameras : sequence of ConvertedCamera
     pixels : array (k, 2)
         Of the rays, as orip counts them.
-    found : Reprojection
     """
     if project.control_crs or not project.control:
         return None

@@ -41,7 +41,6 @@ class _Adjusted(Struct, frozen=True):
 
     Parameters
     ----------
-    solution : Solution
     cameras : mapping of record_key to Camera
         With adjusted values.
     camera_of_photo : mapping of record_key to record_key
@@ -61,8 +60,6 @@ def exchanged_result(
     ----------
     bundle : BundleState
         With definitions, observations and solutions.
-    names : NamesTable
-    conventions : Conventions
     corrects_distortion : bool
         Measurements are corrected for what the cameras of the format do not hold.
 

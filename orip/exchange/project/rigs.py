@@ -115,12 +115,10 @@ def exchanged_rigs(
 
     Parameters
     ----------
-    solution : Solution
     rigs : Rigs
         Of the project.
     cameras : sequence of record_key
         Those that are exchanged.
-    reading : PoseReading
     """
     values = {(one.rig, one.camera, one.name): one.value for one in solution.mountings}
     turned = camera_axes(reading)

@@ -64,7 +64,6 @@ def write_whole_folder(folder: Path, texts: Mapping[str, str | bytes], rule: str
 
     Parameters
     ----------
-    folder : Path
     texts : mapping of file name to text or bytes
         The one that makes sense of the others last.
     rule : str

@@ -83,8 +83,6 @@ def imported_texts(block: ImportedBlock, source: ImportSource, precision: float 
 
     Parameters
     ----------
-    block : ImportedBlock
-    source : ImportSource
     precision : float or None
         A-priori error of the measurements, pixels; None: as the format says.
     """

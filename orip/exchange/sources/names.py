@@ -190,7 +190,6 @@ def distinct_names(points: ExchangedPoints, *, marks_tracks: bool = False) -> tu
 
     Parameters
     ----------
-    points : ExchangedPoints
     marks_tracks : bool
         All tracks have the T.
     """

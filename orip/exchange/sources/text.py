@@ -123,7 +123,6 @@ def sound_rows(lines: Sequence[str], fields: int, whole: int = 0) -> FloatArray 
 
     Parameters
     ----------
-    lines : sequence of str
     fields : int
         Numbers in a line, with blanks between them.
     whole : int
@@ -179,13 +178,10 @@ class Table(Struct, frozen=True):
 
     Parameters
     ----------
-    rows : tuple of Row
     columns : tuple of str
         By orip's names.
     ignored : tuple of str
         Headings that were not recognised.
-    faults : Faults
-    has_decimal_commas : bool
     """
 
     rows: tuple[Row, ...]
@@ -211,8 +207,6 @@ def read_table(path: Path, shown: str, headings: Mapping[str, str], needed: Sequ
 
     Parameters
     ----------
-    path : Path
-    shown : str
     headings : mapping of str to str
         By orip's name of a column, its names in small letters, separated by blanks.
     needed : sequence of str

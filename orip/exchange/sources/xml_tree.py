@@ -104,7 +104,6 @@ def read_xml(
 
     Parameters
     ----------
-    path : Path
     faults : Faults
         Takes the complaints.
     parts : mapping of tag to function, optional
@@ -219,7 +218,6 @@ class PlacedElement(Struct):
 
     Parameters
     ----------
-    tag : str
     attributes : mapping of str to str
     begin : int
         Byte of its start tag.
@@ -227,7 +225,6 @@ class PlacedElement(Struct):
         Bytes between which its content is; equal for an empty element ``<a/>``.
     end : int
         Byte after its end tag.
-    children : list of PlacedElement
     """
 
     tag: str
@@ -258,7 +255,6 @@ class XmlEdit:
 
     Parameters
     ----------
-    data : bytes
     shown : str or None
         The file, as the user would name it; None: it was read without complaints already.
 
@@ -288,8 +284,6 @@ class XmlEdit:
 
         Parameters
         ----------
-        element : PlacedElement
-        values : sequence of float
         size : float, optional
             The largest of the numbers, if that is not given.
         """

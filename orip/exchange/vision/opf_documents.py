@@ -32,10 +32,8 @@ class Ground(Struct, frozen=True):
     ----------
     crs : str or None
         None: an arbitrary or plain system.
-    unit : str
     definition : str
         Of the base system, as the file has it.
-    shift, scale : tuple of 3 float
     swaps : bool
         Processing coordinates are swap(scale * base) + shift.
     """

@@ -32,12 +32,10 @@ def read_rigs(
 
     Parameters
     ----------
-    captures : sequence of JsonValue
     sensors : mapping of int to JsonValue
         Input sensors by the places of their cameras.
     place_of_id : mapping of int to int
         Places of photos by the identifiers of OPF's cameras.
-    photos : sequence of ExchangedPhoto
     unit : str
         Of the ground.
     """

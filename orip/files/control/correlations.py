@@ -38,7 +38,6 @@ def read_correlations(
 
     Parameters
     ----------
-    reader : FieldReader
     errors : sequence of 3 or 6 float or None
         None or NaN where they are not known.
     start, count : int

@@ -28,7 +28,6 @@ class ControlLines(Struct, frozen=True):
 
     Parameters
     ----------
-    lines : tuple of str
     mark : str
         The byte order mark, if the file begins with one.
     """

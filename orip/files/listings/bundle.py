@@ -125,7 +125,6 @@ def bundle_listing_lines(solution: Solution, reliability: Reliability, measured:
 
     Parameters
     ----------
-    solution : Solution
     reliability : Reliability
         Of its residuals.
     measured : PhotoObservations

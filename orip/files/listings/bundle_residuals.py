@@ -119,8 +119,6 @@ def photo_residual_lines(solution: Solution, reliability: Reliability, measured:
 
     Parameters
     ----------
-    solution : Solution
-    reliability : Reliability
     measured : PhotoObservations
         Those that were adjusted, for their measured coordinates; what is not among them has none.
     """

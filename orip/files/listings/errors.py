@@ -23,7 +23,6 @@ def error_listing_lines(solution: Solution, misfits: Sequence[int]) -> Iterator[
 
     Parameters
     ----------
-    solution : Solution
     misfits : sequence of int
         Rows of the residuals of what does not fit, the worst first.
     """

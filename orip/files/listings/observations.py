@@ -62,7 +62,6 @@ def todo_text(rows: Sequence[PointToMeasure], title: str, bundle: str, run: str 
         Those of a photo behind one another.
     title : str
         The names of project and user.
-    bundle : str
     run : str or None
         The adjustment that the predicted coordinates come from.
     """

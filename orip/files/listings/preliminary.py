@@ -258,12 +258,10 @@ def preliminary_listing(
 
     Parameters
     ----------
-    values : PreliminaryValues
     orientations : sequence of 6 floats a photo
         Elements of `values.photos` as in the files: ground unit and degrees; NaN where there are none.
     points : sequence of PreliminaryPoint
         Those of `values` in the project's coordinates.
-    ground_unit : str
     facts : sequence of (label, text)
         Project, user and bundle for the title.
     run : str

@@ -44,10 +44,8 @@ class MeasurementBlock(Struct):
 
     Parameters
     ----------
-    kind : str
     title : str
         The block's first line, as messages call it.
-    line : int
     build : callable or None
         Makes the log record of the full block; None where the first line was wrong and nothing can be made.
     name_lines : dict of str to int
@@ -56,7 +54,6 @@ class MeasurementBlock(Struct):
         x and y of each name in turn.
     own_errors, in_pixels, given : dict of int to pairs
         By index of the name; only where the line has them.
-    disregarded : list of int
     has_faults : bool
         A line was wrong, so that the block is not empty though nothing may be in it.
     """

@@ -45,7 +45,6 @@ def read_stereo(path: Path, shown: str, *, is_growing: bool = False) -> Parsed[t
 
     Parameters
     ----------
-    path : Path
     shown : str
         The file as the user would name it.
     is_growing : bool

@@ -65,7 +65,6 @@ class PlainLines(NamedTuple):
     ----------
     end : int
         Of the run in the text.
-    names : list of str
     coordinates : array of float
         x and y of each name in turn.
     """
@@ -114,7 +113,6 @@ def read_measurements(path: Path, shown: str) -> Parsed[tuple[LogRecord, ...]]:
 
     Parameters
     ----------
-    path : Path
     shown : str
         The file as the user would name it; it is also in each record's place.
     """
@@ -244,7 +242,6 @@ def points_blocks(
 
     Parameters
     ----------
-    bundle, photo : str
     names : sequence of k str
         Of points.
     image : array (k, 2)

@@ -195,7 +195,6 @@ class EditsText(Struct, frozen=True):
 
     Parameters
     ----------
-    path : Path
     shown : str
         The file as the user would name it.
     text : str or None
@@ -277,7 +276,6 @@ def read_work_list(path: Path, shown: str) -> Parsed[tuple[ListedPoint, ...]]:
 
     Parameters
     ----------
-    path : Path
     shown : str
         The file as the user would name it.
     """

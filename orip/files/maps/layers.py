@@ -1,10 +1,13 @@
-"""Layers of a drawing for GIS and CAD: points, lines and areas with columns of names and numbers."""
+"""Layers of points, lines and areas for GIS and CAD, with columns of names and numbers, as DXF and GeoJSON texts."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import json
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Literal
 
+import numpy as np
 from msgspec import Struct, field
 
 from orip.arrays import FloatArray
@@ -44,3 +47,135 @@ class Shapes(Struct, frozen=True):
     def has_height(self) -> bool:
         """Return whether places have three coordinates."""
         return bool(self.places) and self.places[0].shape[1] == 3
+
+
+Pairs = list[tuple[int, object]]
+
+
+def drawing(colours: Mapping[str, int], entities: Iterable[tuple[int, object]]) -> bytes:
+    """Return a drawing.
+
+    Parameters
+    ----------
+    colours : mapping of str to int
+        Colour numbers of all layers.
+    entities : iterable of pairs
+        What `labelled_point`, `line` and `polyline` give, joined.
+    """
+    pairs: Pairs = [(0, "SECTION"), (2, "TABLES"), (0, "TABLE"), (2, "LAYER"), (70, len(colours))]
+    for name, colour in colours.items():
+        pairs += [(0, "LAYER"), (2, name), (70, 0), (62, colour), (6, "CONTINUOUS")]
+    pairs += [(0, "ENDTAB"), (0, "ENDSEC"), (0, "SECTION"), (2, "ENTITIES"), *entities, (0, "ENDSEC"), (0, "EOF")]
+    return "".join(_lines(pairs)).encode("ascii")
+
+
+def labelled_point(layer: str, place: list[float], name: str, height: float) -> Pairs:
+    """Return a point X, Y, Z with its name, written in that height (ground units)."""
+    return [*_place("POINT", layer, place), *_place("TEXT", layer, place), (40, height), (1, _plain(name))]
+
+
+def line(layer: str, place: FloatArray) -> Pairs:
+    """Return a straight line between two places (2, 3)."""
+    start, end = place.tolist()
+    return [*_place("LINE", layer, start), *zip((11, 21, 31), end, strict=True)]
+
+
+def polyline(layer: str, place: FloatArray, *, closed: bool) -> Pairs:
+    """Return a polyline of places (n, 2 or 3), in space where they have heights; the first of a closed one once."""
+    is_in_space = place.shape[1] == 3
+    pairs: Pairs = [(0, "POLYLINE"), (8, layer), (66, 1), (70, 8 * is_in_space + closed)]
+    for x, y, *z in place.tolist():
+        pairs += [*_place("VERTEX", layer, [x, y, *(z or [0.0])]), *([(70, 32)] if is_in_space else [])]
+    return [*pairs, (0, "SEQEND"), (8, layer)]
+
+
+def _place(kind: str, layer: str, place: list[float]) -> Pairs:
+    return [(0, kind), (8, layer), *zip((10, 20, 30), place, strict=True)]
+
+
+def _lines(pairs: Pairs) -> Iterator[str]:
+    return (f"{code:3d}\n{repr(value) if isinstance(value, float) else value}\n" for code, value in pairs)
+
+
+def _plain(name: str) -> str:
+    """Return a name in the characters of release 12: others as their numbers, which newer programs show."""
+    return "".join(letter if letter.isascii() and letter.isprintable() else f"\\U+{ord(letter):04X}" for letter in name)
+
+
+_GEOMETRIES = {"POINT": "Point", "LINESTRING": "LineString", "POLYGON": "Polygon"}
+_DIGITS = 10
+"""Decimals of a degree: 0.01 mm."""
+
+NOT_GEOGRAPHIC = "those of the project, which has no crs: not longitude and latitude"
+
+Conversion = Callable[[FloatArray], FloatArray]
+
+
+def collection(name: str, crs: str | None, features: Iterable[Mapping[str, object]]) -> bytes:
+    """Return a collection of features.
+
+    Parameters
+    ----------
+    crs : str or None
+        Of the project; None: the coordinates are its own.
+    features : iterable of mappings
+        As `feature` gives them.
+    """
+    said = {} if crs is not None else {"coordinates": NOT_GEOGRAPHIC}
+    head = {"type": "FeatureCollection", "name": name, **said, "project_crs": crs}
+    lines = ",\n".join(json.dumps(one, ensure_ascii=False, allow_nan=False) for one in features)
+    return f'{json.dumps(head, ensure_ascii=False)[:-1]}, "features": [\n{lines}\n]}}\n'.encode()
+
+
+def drawn_features(drawn: Shapes, convert: Conversion) -> Iterator[dict[str, object]]:
+    """Yield a layer's points, lines or areas; `convert` takes places (n, 3) to longitude, latitude and height."""
+    if not drawn.places:
+        return
+    borders = np.cumsum([len(place) for place in drawn.places])[:-1]
+    everywhere = np.concatenate(drawn.places)
+    if not drawn.has_height:
+        everywhere = np.column_stack([everywhere, np.zeros(len(everywhere))])
+    converted = np.split(convert(everywhere)[:, : 3 if drawn.has_height else 2], borders)
+    numbers = {name: values.tolist() for name, values in drawn.numbers.items()}
+    for n, place in enumerate(converted):
+        properties = {name: words[n] for name, words in drawn.texts.items()}
+        yield feature(
+            drawn.name,
+            _GEOMETRIES[drawn.geometry],
+            _coordinates(drawn.geometry, place),
+            {**properties, **{name: finite_or_none(values[n]) for name, values in numbers.items()}},
+        )
+
+
+def _coordinates(geometry: str, place: FloatArray) -> object:
+    if geometry == "POINT":
+        return listed(place)[0]
+    if geometry == "LINESTRING":
+        return listed(place)
+    # RFC 7946: the outer ring of a polygon runs counter-clockwise
+    return [listed(place if _area(place) > 0.0 else place[::-1])]
+
+
+def feature(layer: str, kind: str, coordinates: object, properties: Mapping[str, object]) -> dict[str, object]:
+    """Return one feature, with the name of its layer among its properties."""
+    return {
+        "type": "Feature",
+        "geometry": {"type": kind, "coordinates": coordinates},
+        "properties": {"layer": layer, **properties},
+    }
+
+
+def _area(ring: FloatArray) -> float:
+    """Return twice the area (signed) of a closed ring (k, 2 or 3)."""
+    x, y = (ring[:, :2] - ring[0, :2]).T
+    return float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]))
+
+
+def listed(places: FloatArray) -> list[list[float]]:
+    """Return places (n, 2 or 3) as they are written."""
+    return np.round(places, _DIGITS).tolist()  # type: ignore[no-any-return]
+
+
+def finite_or_none(value: float) -> float | None:
+    """Return a number, or None for what is not known."""
+    return value if math.isfinite(value) else None

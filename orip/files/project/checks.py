@@ -100,12 +100,7 @@ def _of_the_lens(camera: Camera) -> Iterator[tuple[str, str]]:
 
 
 class References:
-    """The records that names lead to, and which photo is on which template.
-
-    Parameters
-    ----------
-    source : ProjectSource
-    """
+    """The records that names lead to, and which photo is on which template."""
 
     def __init__(self, source: ProjectSource) -> None:
         self.known = {

@@ -33,7 +33,6 @@ def merged_project_text(text: str, definition: ProjectDefinition) -> str:
     ----------
     text : str
         A project file without faults, whose [project], [check] and [report] are those of the definition.
-    definition : ProjectDefinition
 
     Returns
     -------

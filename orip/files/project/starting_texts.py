@@ -21,8 +21,6 @@ class Start(Struct, frozen=True):
     ----------
     name, user : str
         Of the project and its operator.
-    kind : BlockKind
-    camera : str
     focal_length : float
         Principal distance, mm.
     columns, rows : int

@@ -206,7 +206,6 @@ def table_faults(findings: Sequence[Finding], table: Table, title: str, place: P
 
     Parameters
     ----------
-    findings : sequence of Finding
     table : Table
         The keys that were allowed.
     title : str

@@ -151,11 +151,9 @@ class CovarianceMatrix(NamedTuple):
     ----------
     names : sequence of n str
         ``camera C35.C``, ``photo 102.X0``, ``point CP3.Z``.
-    units : sequence of n str
     values : array (n,)
     covariance : array (n, n)
         In the products of these units.
-    sigma0 : float
     run : str
         Of the adjustment.
     """

@@ -40,12 +40,7 @@ class Sum(NamedTuple):
 
 
 class RunningSum:
-    """The checksum of rows that come some at a time.
-
-    Parameters
-    ----------
-    table : StoreTable
-    """
+    """The checksum of rows that come some at a time."""
 
     def __init__(self, table: StoreTable) -> None:
         self._columns = table.in_file.columns

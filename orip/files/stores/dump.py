@@ -12,7 +12,7 @@ from typing import Any
 from msgspec import Struct, field
 
 from orip.errors import Complaint, InputError
-from orip.files.stores.contents import exterior
+from orip.files.stores.contents.stores import require_names_of_bundles
 from orip.files.stores.digest import META, run_of, set_run
 from orip.files.stores.identity import DUMP_VERSION, create, kind_of, summed_tables
 from orip.files.stores.store import Store, stored_fault
@@ -281,7 +281,7 @@ def load(lines: Iterable[str], path: Path, *, source: str = "dump", timeout: flo
         create(checked, packed=False)
         run = read_dump(lines, checked, source)
         if checked.kind == "EXT":
-            exterior.require_names(checked, source)
+            require_names_of_bundles(checked, source)
         with writing([path], timeout=timeout) as stores:
             _take_over(stores[path], checked, run)
 

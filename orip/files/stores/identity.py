@@ -11,7 +11,16 @@ from pathlib import Path
 from orip.errors import InputError, UsageError
 from orip.files.stores import digest as provenance
 from orip.files.stores.checksum import CHECKSUM, ContentSums, Sum
-from orip.files.stores.contents import cameras, exterior, observations, photos, solution_tables, templates, temticks
+from orip.files.stores.contents import observations, solution_tables
+from orip.files.stores.contents.stores import (
+    BUNDLES,
+    CAMERAS,
+    PHOTO_ORIENTATIONS,
+    PHOTOS,
+    TEMPLATE_ORIENTATIONS,
+    TEMPLATES,
+    TEMTICKS,
+)
 from orip.files.stores.digest import META
 from orip.files.stores.store import Store, damage
 from orip.files.stores.store_files import opened
@@ -34,11 +43,11 @@ DUMP_VERSION = 15
 """Of the tables that a dump has; checksums are not among them."""
 
 TABLES_OF_KIND: dict[str, tuple[StoreTable, ...]] = {
-    "CAM": (*provenance.TABLES, *cameras.TABLES),
-    "TIK": (*provenance.TABLES, *temticks.TABLES),
-    "PHO": (*provenance.TABLES, *photos.TABLES),
-    "TEM": (*provenance.TABLES, *templates.TABLES),
-    "EXT": (*provenance.TABLES, *exterior.TABLES, *solution_tables.TABLES),
+    "CAM": (*provenance.TABLES, *CAMERAS.tables),
+    "TIK": (*provenance.TABLES, *TEMTICKS.tables),
+    "PHO": (*provenance.TABLES, *PHOTOS.tables, *PHOTO_ORIENTATIONS.tables),
+    "TEM": (*provenance.TABLES, *TEMPLATES.tables, *TEMPLATE_ORIENTATIONS.tables),
+    "EXT": (*provenance.TABLES, *BUNDLES.tables, *solution_tables.TABLES),
     "EXO": (*provenance.TABLES, *observations.TABLES),
 }
 """Tables by kind of store, parents before their lists."""

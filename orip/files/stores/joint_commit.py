@@ -51,7 +51,6 @@ def commit_jointly(connections: Sequence[sqlite3.Connection], files: Sequence[Pa
         Each in a transaction that holds the write locks of its files.
     files : sequence of Path
         All of their files.
-    connect : Connect
 
     Raises
     ------
@@ -89,7 +88,6 @@ def put_back_killed(files: Iterable[Path], connect: Connect) -> bool:
     ----------
     files : iterable of Path
         Stores that are not locked by this process.
-    connect : Connect
 
     Raises
     ------

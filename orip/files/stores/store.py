@@ -53,7 +53,6 @@ class Store(Struct, frozen=True):
         As the caller named it.
     kind : str
         'CAM', 'TIK', 'PHO', 'TEM', 'EXT' or 'EXO'.
-    connection : sqlite3.Connection
     schema : str
         Name under which the file is attached.
     present : bool

@@ -22,7 +22,6 @@ class StoreColumn(Struct, frozen=True):
 
     Parameters
     ----------
-    name : str
     type : {"TEXT", "INTEGER", "REAL", "BLOB"}
     null : {"never", "none", "nan"}
     check : str
@@ -97,8 +96,6 @@ class StoreTable(Struct, frozen=True):
 
     Parameters
     ----------
-    name : str
-    columns : tuple of StoreColumn
     key : tuple of str
         Columns of the primary key.
     parent : str

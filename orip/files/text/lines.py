@@ -206,7 +206,6 @@ class FieldReader:
 
     Parameters
     ----------
-    line : TextLine
     shown : str
         The file as the user would name it.
     """

@@ -53,7 +53,6 @@ def remove_file(path: Path, within: Path | None = None) -> None:
 
     Parameters
     ----------
-    path : Path
     within : Path or None
         A folder above it, which the user has named: between the two there is no link. None: its own folder.
 
@@ -109,7 +108,6 @@ def make_folder(path: Path, within: Path | None = None) -> None:
 
     Parameters
     ----------
-    path : Path
     within : Path or None
         A folder above it, which the user has named: those between the two are made too. None: its own folder.
 

@@ -68,7 +68,6 @@ def open_regular(path: Path, largest: int = LARGEST_FILE) -> BufferedReader:
 
     Parameters
     ----------
-    path : Path
     largest : int, optional
         Bytes that it may have.
 

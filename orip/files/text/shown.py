@@ -74,10 +74,8 @@ class Parsed(Struct, Generic[T], frozen=True):
 
     Parameters
     ----------
-    value : T
     complaints : tuple of Complaint
         In the order of the file's lines as far as they have one.
-    warnings : tuple of ProjectWarning
     """
 
     value: T

@@ -34,7 +34,6 @@ class FixedCells(Sequence[str]):
     Parameters
     ----------
     values : array (m,)
-    decimals : int
     missing : str
         Stands for NaN.
     infinite : str
@@ -168,7 +167,6 @@ class Column(Struct, frozen=True):
 
     Parameters
     ----------
-    heading : str
     cells : sequence of str
         One a row; a cell is one line and is never shortened.
     unit : str
@@ -332,8 +330,6 @@ def xy_columns(heading: str, values: ArrayLike, decimals: int, unit: str = "") -
     heading : str
         With {} where X and Y go.
     values : array (n, 2)
-    decimals : int
-    unit : str
     """
     pairs = np.asarray(values, dtype=np.float64).reshape(-1, 2)
     return xy_pair(heading, [FixedCells(pairs[:, k], decimals) for k in range(2)], unit)

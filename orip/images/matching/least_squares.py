@@ -112,12 +112,6 @@ class MatchedRays(Struct, frozen=True):
     fate: NDArray[np.int8]
 
 
-class _Level(Struct, frozen=True):
-    smoothing: float
-    step: float
-    most: int
-
-
 class _State(Struct, frozen=True):
     affine: NDArray[np.float64]
     centre: NDArray[np.float64]
@@ -125,7 +119,7 @@ class _State(Struct, frozen=True):
     moved: NDArray[np.float64]
 
 
-_COARSE = _Level(2.0, 1.3, 8)
+_COARSE_SMOOTHING, _COARSE_STEP, _COARSE_MOST = 2.0, 1.3, 8
 _ON_ONE_PHOTO = 4
 """Iterations against the patch of one photo: the mean of patches that are apart is blurred."""
 _MOST = 20
@@ -149,11 +143,12 @@ def match_rays(windows: Windows, settings: MatchSettings) -> MatchedRays:
     """
     share = np.ones(len(windows.point), dtype=np.float32)
     state = _State(windows.affine, windows.centre, share, np.full(len(windows.point), np.inf))
-    state = _refined(windows, state, _COARSE, settings.half, begins=True)
-    fine = _Level(settings.smoothing, 1.0, _MOST)
-    state = _refined(windows, state, fine, settings.half, begins=False)
-    grid = patch_grid(settings.half, fine.step)
-    coefficients = spline_coefficients(windows.pixels, fine.smoothing)
+    coefficients = spline_coefficients(windows.pixels, _COARSE_SMOOTHING)
+    coarse = patch_grid(settings.half, _COARSE_STEP)
+    state = _refined(coefficients, windows.point, state, coarse, _COARSE_MOST, begins=True)
+    grid = patch_grid(settings.half, 1.0)
+    coefficients = spline_coefficients(windows.pixels, settings.smoothing)
+    state = _refined(coefficients, windows.point, state, grid, _MOST, begins=False)
     sampled = sample_patches(coefficients, state.affine, state.centre, grid)
     correlation = _correlations(sampled, state.share, windows.point)
     fate = _fates(windows, state, correlation, settings)
@@ -169,12 +164,18 @@ def match_rays(windows: Windows, settings: MatchSettings) -> MatchedRays:
     return MatchedRays(state.centre, state.affine, covariance, correlation, fate)
 
 
-def _refined(windows: Windows, state: _State, level: _Level, half: int, *, begins: bool) -> _State:
-    """Return the state after the iterations of a level; points that do not move any more are left alone."""
-    grid = patch_grid(half, level.step)
-    coefficients = spline_coefficients(windows.pixels, level.smoothing)
-    rays, point, found = np.arange(len(windows.point)), windows.point, state
-    for iteration in range(level.most):
+def _refined(
+    coefficients: NDArray[np.float32],
+    point: NDArray[np.intp],
+    state: _State,
+    grid: PatchGrid,
+    most: int,
+    *,
+    begins: bool,
+) -> _State:
+    """Return the state after iterations, as `most`; points that do not move any more are left alone."""
+    rays, found = np.arange(len(point)), state
+    for iteration in range(most):
         sampled = sample_patches(coefficients, state.affine, state.centre, grid)
         on_one = begins and iteration < _ON_ONE_PHOTO
         share = _reference(point) if on_one else _shares(sampled, state, point)

@@ -65,8 +65,7 @@ def position_covariances(
     ndarray (r, 2, 2)
     """
     fit = linear_fit(sampled, template, affine, grid)
-    correlations = noise_correlations(fit, np.flatnonzero(share), grid.side)
-    carried = fit.estimator @ correlations
+    carried = _correlated(fit.estimator, noise_correlations(fit, np.flatnonzero(share), grid.side), grid.side)
     of_parameters = (carried @ fit.estimator.transpose(0, 2, 1)).astype(np.float64)
     taken = 2.0 * (fit.design * carried) - fit.design * (of_parameters.astype(np.float32) @ fit.design)
     left = 1.0 - (fit.weight * taken.sum(axis=1)).sum(axis=1, dtype=np.float64)
@@ -105,53 +104,63 @@ def _variances(square: NDArray[np.float64], point: NDArray[np.intp], share: NDAr
 
 
 def noise_correlations(fit: Fit, rays: NDArray[np.intp], side: int) -> NDArray[np.float32]:
-    """Return the correlations of the noise at the places of a patch, (m, m).
+    """Return the spectrum of the correlations of the noise at the places of a patch, for `_correlated`.
 
     They depend on the distance alone, and are the mean over the rays. With the projection P of the fit, residuals have
     P C P': C is found by repeating C <- C + (found - expected).
+
+    Parameters
+    ----------
+    rays : ndarray
+        Those from which they are found.
+    side : int
+        Places of a patch in a row.
+
+    Returns
+    -------
+    ndarray (n, n // 2 + 1)
+        Of a period n in which neither patches nor correlations overlap with themselves.
     """
+    from scipy.fft import irfft2, next_fast_len, rfft2
+
+    size = next_fast_len(side + REACH, real=True)
     if not rays.size:
-        return np.eye(side * side, dtype=np.float32)
+        return np.ones((size, size // 2 + 1), dtype=np.float32)
+    away = np.abs((np.arange(size) + size // 2) % size - size // 2)
+    pairs = np.where(away <= REACH, np.maximum(side - away, 1), np.inf)
+    pairs = pairs[:, None] * pairs
+    residual = rfft2(_planes(fit.residual[rays], side), (size, size))
+    found = irfft2(np.sum(np.abs(residual) ** 2, axis=0, dtype=np.float64), (size, size)) / pairs
+    found /= found[0, 0]
     some = rays[:: max(1, len(rays) // _OF_MANY)]
-    residual = fit.residual[rays].reshape(-1, side, side)
-    found = _by_distance(residual, residual)
-    correlations = found / found[0, REACH]
     design, estimator = fit.design[some], fit.estimator[some]
-    planes = (-1, design.shape[1], side, side)
+    of_design = rfft2(_planes(design, side), (size, size)).conj()
+    correlations = found
     for _ in range(_ROUNDS):
-        carried = estimator @ _matrix(correlations, side)
-        back = (carried @ estimator.transpose(0, 2, 1)) @ design
-        taken = 2.0 * carried - back
-        both = _by_distance(design.reshape(planes), taken.reshape(planes))
-        other = _by_distance(taken.reshape(planes), design.reshape(planes))
-        expected = correlations - 0.5 * design.shape[1] * (both + other)
-        step = found / found[0, REACH] - expected / expected[0, REACH]
-        correlations = correlations + step
-        correlations = correlations / correlations[0, REACH]
-    return _matrix(correlations, side)
+        carried = _correlated(estimator, _spectrum(correlations), side)
+        taken = 2.0 * carried - (carried @ estimator.transpose(0, 2, 1)) @ design
+        both = np.sum((of_design * rfft2(_planes(taken, side), (size, size))).real, axis=(0, 1), dtype=np.float64)
+        expected = correlations - irfft2(both, (size, size)) / (len(some) * pairs)
+        correlations = correlations + found - expected / expected[0, 0]
+        correlations /= correlations[0, 0]
+    return _spectrum(correlations)
 
 
-def _by_distance(one: NDArray[np.floating[Any]], other: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
-    """Return mean products by their distance: (REACH + 1, 2 REACH + 1), down, and across from -REACH on."""
-    found = np.zeros((REACH + 1, 2 * REACH + 1))
-    height, width = one.shape[-2:]
-    for down in range(REACH + 1):
-        for across in range(-REACH, REACH + 1):
-            left, right = max(0, -across), max(0, across)
-            here = one[..., : height - down, left : width - right]
-            there = other[..., down:, right : width - left]
-            found[down, REACH + across] = float(np.mean(here * there, dtype=np.float64))
-    found[0, :REACH] = found[0, :REACH:-1]
-    return found
+def _correlated(rows: NDArray[np.float32], spectrum: NDArray[np.float32], side: int) -> NDArray[np.float32]:
+    """Return rows (r, k, m), functionals of the places of a patch, times the correlations of the noise there."""
+    from scipy.fft import irfft2, rfft2
+
+    size = (len(spectrum), len(spectrum))
+    found = irfft2(rfft2(_planes(rows, side), size) * spectrum, size)[..., :side, :side]
+    return np.asarray(found.reshape(rows.shape), dtype=np.float32)
 
 
-def _matrix(correlations: NDArray[np.float64], side: int) -> NDArray[np.float32]:
-    """Return the correlations of all places of a patch with all others."""
-    table = np.zeros((4 * side + 1, 4 * side + 1))
-    middle = 2 * side
-    table[middle : middle + REACH + 1, middle - REACH : middle + REACH + 1] = correlations
-    table[middle - REACH : middle + 1, middle - REACH : middle + REACH + 1] = correlations[::-1, ::-1]
-    table[middle, middle : middle + REACH + 1] = correlations[0, REACH:]
-    v, u = (part.ravel() for part in np.divmod(np.arange(side * side), side))
-    found: NDArray[np.float32] = table[middle + v[None, :] - v[:, None], middle + u[None, :] - u[:, None]].astype("f4")
-    return found
+def _planes(rows: NDArray[np.floating[Any]], side: int) -> NDArray[np.floating[Any]]:
+    return rows.reshape(*rows.shape[:-1], side, side)
+
+
+def _spectrum(correlations: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Return what is real, as correlations are the same in opposite directions."""
+    from scipy.fft import rfft2
+
+    return np.asarray(rfft2(correlations).real, dtype=np.float32)

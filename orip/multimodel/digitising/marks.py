@@ -82,8 +82,6 @@ def digitise_template(
 
     Parameters
     ----------
-    setup : DigitisingSetup
-    template : str
     kind : {"A", "C", "W"} or None
         None: as it was oriented before, else affine.
     stage : {"UPPER", "LOWER"} or None
@@ -116,7 +114,6 @@ def digitise_photos(
 
     Parameters
     ----------
-    photos : sequence of str
     template : str or None
         All photos on that template instead.
     start : str or None

@@ -75,10 +75,8 @@ def digitise_new_points(
 
     Parameters
     ----------
-    setup : DigitisingSetup
     bundle : str or None
         None: the project's only one.
-    choice : NewPointsChoice
     viewing : {"mono", "stereo"} or None
         None: stereo where the bundle has models.
     written : function or None
@@ -203,10 +201,8 @@ class GroundChoice(Struct, frozen=True):
 
     Parameters
     ----------
-    model : str
     target : {"PNT", "PRE"}
         Control points, or preliminary coordinates of the bundle.
-    names : tuple of str
     file : Path or None
         A list of names, relative to the project folder.
     first : str or None

@@ -100,8 +100,6 @@ class Visit(NamedTuple):
 
     Attributes
     ----------
-    sought : tuple of Sought
-    refusal : str
     is_new : bool
         The name is only offered: the operator may name another point, or say that there are no more.
     locks : bool

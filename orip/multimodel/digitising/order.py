@@ -112,7 +112,6 @@ class DigitisedBlock(Struct, frozen=True):
 
         Parameters
         ----------
-        turn : Turn
         measured : iterable of str
             Photos in which the point is measured, other than those of the turn.
         """

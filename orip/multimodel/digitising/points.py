@@ -194,10 +194,8 @@ def digitise_points(
 
     Parameters
     ----------
-    setup : DigitisingSetup
     bundle : str or None
         None: the project's only one.
-    choice : PointChoice
     viewing : {"mono", "stereo"} or None
         None: stereo where the bundle has models.
     start : str or None

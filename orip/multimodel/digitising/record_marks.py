@@ -63,8 +63,6 @@ def digitise_fiducials(
 
     Parameters
     ----------
-    setup : DigitisingSetup
-    camera : str
     arrangement : {"corners", "midsides"}
         Where the four marks are that make the fiducial system.
     stage : {"UPPER", "LOWER"}

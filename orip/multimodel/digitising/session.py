@@ -44,7 +44,6 @@ class Entry(Struct, frozen=True):
     what : {"tick", "mark", "point", "temtick", "fiducial", "ground point"}
     owner : str
         Its template (of a tick), temtick, camera (of a fiducial), model (of a ground point) or photo.
-    name : str
     outcome : {"digitised", "skipped", "kept"}
     known : str
         Where the place driven to came from.
@@ -79,14 +78,9 @@ class Session(Struct):
 
     Parameters
     ----------
-    link : Instrument
-    operator : Operator
-    log : Log
     tell : function of a line
     entries : list of Entry
         The account so far.
-    ending : str
-    warnings : list of ProjectWarning
     """
 
     link: Instrument

@@ -54,7 +54,6 @@ class Digitised(Struct, frozen=True):
         Whether everything was visited, or who ended it.
     orientations : tuple of MarkAdjustment
         Of templates or photos whose marks suffice.
-    warnings : tuple of ProjectWarning
     """
 
     log: str
@@ -74,10 +73,8 @@ class DigitisingSetup(Struct, frozen=True):
 
     Parameters
     ----------
-    folder : Path
     path : Path
         Measurement text that is written to, relative to the project folder.
-    link : function that opens the link; called when all else is in order
     operator : function of the films
     log : function of the films
     tell : function of a line

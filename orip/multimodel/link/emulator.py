@@ -91,13 +91,11 @@ class Emulator:
     ----------
     station : Station
         As it is in the beginning.
-    load : TableLoader
     keep : function of a Station, or None
         Writes it to a file; called from another thread, after a download at once, after movements within a second. It
         raises nothing.
     pace : Pace or None
         None: movements take no time.
-    patience : Patience
     token : str or None
         What a client has to send first; None: nothing.
     """

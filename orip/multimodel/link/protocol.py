@@ -136,7 +136,6 @@ def answer(station: Station, line: bytes, barred: Barred = FREE, operator: str |
 
     Parameters
     ----------
-    station : Station
     line : bytes
         Without its end.
     barred : Barred

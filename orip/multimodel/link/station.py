@@ -59,7 +59,6 @@ class Station(Struct, frozen=True):
 
     Parameters
     ----------
-    block : OrientedBlock
     state : ProcessorState
         Where everything is, or is going to.
     table : bytes

@@ -41,7 +41,6 @@ class Watch:
         Of the table that the processor drives with.
     plan : PlanView
         Of this block.
-    processor : WatchedProcessor
     axes : tuple of 3 strings
         Names of the object axes.
     pictures : PlatePictures

@@ -108,7 +108,6 @@ class LinkedProcessor:
 
     Parameters
     ----------
-    url : str
     digest : str
         SHA-256 of the drive table that the page is drawn from; another one must not be shown in its place.
 

@@ -197,8 +197,6 @@ class StartAttempts:
 
         Parameters
         ----------
-        measurements : Measurements
-        oriented : collection of str
         photo : str
             One of them; empty: any, and thoroughly, as soon as anything of theirs has changed.
         """

@@ -55,7 +55,6 @@ def _testable(inputs: BlockInput, part: float = 1.0) -> Control:
 
     Parameters
     ----------
-    inputs : BlockInput
     part : float
         Of that precision, what they are given.
     """

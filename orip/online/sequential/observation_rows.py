@@ -91,7 +91,6 @@ def linearised(
 
     Parameters
     ----------
-    block : Block
     state : BlockState
         Where they are linearised; observed minus computed there is their right-hand side.
     tied : collection of int

@@ -79,7 +79,7 @@ def register_place(group: typer.Typer) -> None:
         from orip.bundle.additions.placing import USUAL_ERROR, Wanted, What, place_in_block
         from orip.bundle.additions.search import Criterion
         from orip.planning.designed import planned_stations, read_plan
-        from orip.planning.placing import place_in_plan, solved_bundle
+        from orip.planning.variants import place_in_plan, solved_bundle
 
         for option, given_word, known in (("--what", what, get_args(What)), ("--goal", goal, get_args(Criterion))):
             if given_word not in known:

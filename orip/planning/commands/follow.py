@@ -138,7 +138,7 @@ def _shown(
     if not page:
         yield lambda _progress, _fix: None
         return
-    from orip.planning.following.page import FollowedFlight
+    from orip.planning.following.progress import FollowedFlight
     from orip.web.serving import served_meanwhile
 
     flight = FollowedFlight(progress, unit)

@@ -41,7 +41,6 @@ class PairAtScale(Struct, frozen=True):
         The base has the length 1.
     coordinates, deviations : arrays (n, 3)
     usable : array (n,) of bool
-    scale : float
     left_by_rotation : float
         As in `PairSolution`.
     """
@@ -68,7 +67,6 @@ def at_scale(solution: PairSolution, pairs: Pairs, scale: float) -> PairSolution
     ----------
     solution : PairSolution
         Found at another scale.
-    pairs : Pairs
     scale : float
         Standard residual of right points.
     """

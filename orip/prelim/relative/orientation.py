@@ -80,15 +80,10 @@ def remarks_on(
     weight_factor : array (n,)
     in_front : array (n,) of bool
     base : array (3,)
-    seuw : float
     ambiguous : bool
         Another orientation fits as well.
     exchanged : sequence of (int, int)
         Two points each that fit when they are exchanged in one photo.
-
-    Returns
-    -------
-    tuple of str
     """
     return (
         *_on_blunders(points, parallax, deviation, weight_factor),
@@ -154,8 +149,6 @@ class OrientedPair(Struct, frozen=True):
     photos : (int, int)
     rows : two arrays (n,) of int
         Of the rays: those of the left and those of the right photo.
-    pairs : Pairs
-    solution : PairSolution
     base : array (3,)
         Metres at photo scale.
     block : PartialBlock
@@ -225,18 +218,12 @@ def orient_pair(
 
     Parameters
     ----------
-    rays : ImageRays
     left, right : int
         Photos.
     model : str
         Its name.
-    row, column : int or None
     index : PhotoIndex, optional
         The index of the rays, given where many pairs are oriented.
-
-    Returns
-    -------
-    RelativeOrientation or NotOriented
 
     Notes
     -----

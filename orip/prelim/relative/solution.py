@@ -194,7 +194,6 @@ class PairSolution(Struct, frozen=True):
         The point is in front of both photos, has full weight, and its rays are not parallel.
     length : float
         Length of the base, in metres, for which the mean of the usable points' 1 / depth is 1 / C.
-    iterations : int
     scale : float
         Of the residuals of the points that agree, at least 1.
     seuw : float

@@ -63,12 +63,7 @@ class FittedPhotos(Struct, frozen=True):
 
 
 def fitting_points(seen: SeenPoints) -> FittedPhotos:
-    """Orient photos by their known points, and find those that fit.
-
-    Parameters
-    ----------
-    seen : SeenPoints
-    """
+    """Orient photos by their known points, and find those that fit."""
     photos, count = len(seen.starts) - 1, len(seen.error)
     found = FittedPhotos(np.full((photos, 3, 3), np.nan), np.full((photos, 3), np.nan), np.zeros(count, dtype=bool))
     left = _fit_all(seen, found) if photos else []

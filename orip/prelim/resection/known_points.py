@@ -146,7 +146,6 @@ class Configuration(Struct, frozen=True):
     ----------
     area_share : float
         Area of their convex hull over that of the image; or of a part of the hull, if that is enough already.
-    on_one_line : bool
     """
 
     area_share: float
@@ -176,10 +175,6 @@ def image_configuration(xy: FloatArray, frame: tuple[float, float] | None, measu
         Size of the photo, mm; None: not known.
     measured : array (m, 2)
         Photo coordinates of all points of the photo: where the frame is not known, their extent stands for it.
-
-    Returns
-    -------
-    Configuration
     """
     width, height = frame if frame is not None else measured.max(axis=0) - measured.min(axis=0)
     image = float(width * height)

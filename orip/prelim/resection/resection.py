@@ -149,8 +149,6 @@ class _Solution(NamedTuple):
     deviations : array (6,)
         Standard deviations of rotations about the ground axes, and of the projection centre; infinite where the points
         do not determine them.
-    s0 : float
-    redundancy : int
     misfit : float
         Root mean square residual of a coordinate, of the points with full weight, mm.
     radius : float

@@ -34,10 +34,6 @@ is of all of them."""
 def starting_orientations(known: KnownPoints) -> Orientations:
     """Return the most promising orientations, the best first; of three points all there are.
 
-    Parameters
-    ----------
-    known : KnownPoints
-
     Returns
     -------
     Orientations

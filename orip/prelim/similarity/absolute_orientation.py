@@ -71,7 +71,6 @@ def absolute_orientation(
 
     Parameters
     ----------
-    block : PartialBlock
     names : Names
         For the block's indices.
     control : KnownPositions
@@ -159,7 +158,6 @@ def fit_to_control(
 
     Parameters
     ----------
-    common : CommonPoints
     rotations : array (p, 3, 3)
         Of the block's photos; of two solutions that fit equally the one with upright photos is used.
     remarks : list of str

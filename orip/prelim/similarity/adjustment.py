@@ -49,17 +49,14 @@ class SimilarityAdjustment(Struct, frozen=True):
 
     Parameters
     ----------
-    similarity : Similarity
     angles : array (3,)
         omega, phi, kappa of its rotation.
-    scale_deviation : float
     shift_deviation, angle_deviation : arrays (3,)
         0 for what was held.
     residuals : array (n, 3)
         Transformed minus target; NaN where not known.
     weight_factor : array (n, 3)
         1 where not known.
-    iterations : int
     s0 : float
         Of the observations of full weight; 0 with no redundancy.
     """
@@ -99,14 +96,8 @@ def adjust_similarity(
 
     Parameters
     ----------
-    common : CommonPoints
-    start : Similarity
     unknowns : array of int
         `ALL_UNKNOWNS` or `NO_ROTATION`.
-
-    Returns
-    -------
-    SimilarityAdjustment
 
     Raises
     ------

@@ -89,7 +89,6 @@ def bridge_row(models: Sequence[PartialBlock], names: Names) -> JoinedSystems:
     ----------
     models : sequence of PartialBlock
         In the order of their columns.
-    names : Names
 
     Returns
     -------
@@ -127,7 +126,6 @@ def connect_strips(strips: Sequence[PartialBlock], names: Names) -> JoinedSystem
     ----------
     strips : sequence of PartialBlock
         In the order of their rows.
-    names : Names
 
     Returns
     -------

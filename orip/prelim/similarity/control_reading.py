@@ -85,7 +85,6 @@ def other_reading(
     ----------
     block : PartialBlock
         In its own system.
-    names : Names
     control : KnownPositions
         As given; at least three points known in X, Y and Z are needed.
     centres : KnownPositions, optional

@@ -142,7 +142,6 @@ class _Found(Struct, frozen=True):
         The first common photo.
     unfit : int
         Number of points that do not fit.
-    remarks : tuple of str
     """
 
     at_source: IntArray

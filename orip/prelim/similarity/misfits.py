@@ -49,7 +49,6 @@ def misfits(points: Sequence[str], coordinates: FloatArray, found: SimilarityAdj
     ----------
     points : sequence of str, length n
     coordinates : array (n, 3)
-    found : SimilarityAdjustment
     room : float
         How far points may be off as the cameras are not calibrated; those that are off by more are not named where
         their neighbours are off alike.

@@ -123,7 +123,6 @@ class CommonPlaces(Struct, frozen=True):
 
     Parameters
     ----------
-    places : CommonPoints
     start : Similarity or None
         None without a common photo.
     extent : float

@@ -37,10 +37,6 @@ def start_from_triples(common: CommonPoints, tried: Sequence[int] = TRIPLES) -> 
     tried : sequence of int
         Numbers of triples, each of which is tried if nothing fits with those before.
 
-    Returns
-    -------
-    Similarity
-
     Raises
     ------
     ValueError
@@ -136,16 +132,11 @@ def adjusted_from_all_sides(common: CommonPoints, rotations: FloatArray, remarks
 
     Parameters
     ----------
-    common : CommonPoints
     rotations : array (p, 3, 3)
         Of the block's photos, to its system. Of solutions that fit equally the one is used in which the photos look
         down, or stand upright.
     remarks : list of str
         A remark is added to it if there was such a choice.
-
-    Returns
-    -------
-    SimilarityAdjustment
 
     Raises
     ------

@@ -185,7 +185,6 @@ class AntennaEstimate(Struct, frozen=True):
 
     Parameters
     ----------
-    antenna : str
     strip : str
         Of a shift or drift of a strip; else empty.
     name : str
@@ -263,7 +262,6 @@ class PhotoMotion(Struct, frozen=True):
 
     Parameters
     ----------
-    photo : str
     VX, VY, VZ : float
         Velocity along the project's axes, ground unit a second.
     WX, WY, WZ : float

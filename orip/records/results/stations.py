@@ -21,7 +21,6 @@ class StationResiduals(Struct, frozen=True):
 
     Parameters
     ----------
-    exposures : tuple of n Exposure
     residual, weight_factor, w : arrays (n, 3)
         Of X, Y, Z or of the three angles; as in `Residuals`.
     a_priori : array (n, 3)
@@ -67,7 +66,6 @@ class RecordBefore(Struct, frozen=True):
 
     Parameters
     ----------
-    name : str
     fields : tuple of (str, Kept)
         The fields that the update has changed, as they were.
     updated : str
@@ -102,8 +100,6 @@ class BeforeUpdate(Struct, frozen=True):
     what : {"cameras", "photos", "points"}
     bundle, run : str
         The adjustment that the update took its values from.
-    records : tuple of RecordBefore
-    text : TextBefore or None
     """
 
     what: Literal["cameras", "photos", "points"]

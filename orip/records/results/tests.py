@@ -43,7 +43,6 @@ class VarianceComponent(Struct, frozen=True):
 
     Parameters
     ----------
-    kind : VarianceGroupKind
     of : str
         The camera of photo points; PHOTO, CAMERA, POINT or THEODOLITE of elements; else empty.
     component : str
@@ -166,10 +165,8 @@ class GateResult(Struct, frozen=True):
 
     Parameters
     ----------
-    gate : Gate
     value : float
         NaN where the solution has no such figure, infinite where an unknown is not determined.
-    passed : bool
     reason : str
         Why there is no value to compare; empty where there is one.
     """
@@ -205,7 +202,6 @@ class GroupTest(Struct, frozen=True):
 
     Parameters
     ----------
-    kind : GroupKind
     of : str
         The camera of photo points; PHOTO, CAMERA, POINT or THEODOLITE of elements; the strip of stations; else empty.
     component : str
@@ -278,7 +274,6 @@ class Contradiction(Struct, frozen=True):
 
     Parameters
     ----------
-    what : ContradictionKind
     groups : tuple of GroupTest
         Of a shift there are several where they cannot be told apart.
     p : float
@@ -316,7 +311,6 @@ class Figure(Struct, frozen=True):
     ----------
     value : float, str or None
         None where the result has null.
-    quantity : Quantity
     sd : float or None
         Its standard deviation, None where it has none.
     adjusted : bool

@@ -85,7 +85,6 @@ def side_of_block(up: Vertical, looking: FloatArray) -> BlockSide:
 
     Parameters
     ----------
-    up : Vertical
     looking : array (n, 3)
         The directions in which the photos look.
     """

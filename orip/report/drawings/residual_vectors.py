@@ -113,7 +113,6 @@ def vector_sheets(
 
     Parameters
     ----------
-    given : ReportInput
     single : bool
         Also of photos by themselves, those that stand out and those that have a thumbnail.
     thumbnails : mapping of str to str

@@ -29,6 +29,9 @@ _REST = 9.81
 _FASTEST_RATE = 35.0
 """rad/s, 2000 degrees a second: the largest range of common units."""
 
+_LARGEST_FORCE = 2000.0
+"""m/s², 200 g: beyond the range of every unit on a vehicle."""
+
 _LEAST_SAMPLES = 100
 _LONGEST_GAP = 0.2
 
@@ -80,16 +83,20 @@ def _table(data: bytes, shown: str, form: ImuForm) -> tuple[FloatArray, list[Com
     lines = data.decode("utf-8", errors="replace").splitlines()
     rows: list[list[float]] = []
     complaints: list[Complaint] = []
+    width = len(names)
     for number, line in enumerate(lines, 1):
-        words = line.replace(",", " ").replace(";", " ").split()
+        words = _words(line)
         if not words or words[0].startswith(("#", "%", "!")):
             continue
         if len(words) < len(names):
             what = f"{len(words)} columns where {len(names)} are needed: {' '.join(names)}"
             complaints.append(Complaint(f"{what}; say what the columns are with --columns", shown, number))
+        elif rows and len(words) != width:
+            complaints.append(Complaint(f"{len(words)} columns where the rows before it have {width}", shown, number))
         else:
             try:
                 rows.append([float(word) for word in words[: len(names)]])
+                width = len(words)
             except ValueError:
                 if not rows and not complaints:
                     continue  # a heading
@@ -101,6 +108,15 @@ def _table(data: bytes, shown: str, form: ImuForm) -> tuple[FloatArray, list[Com
     picked[:, 1:4] *= FORCE_UNITS[form.force]
     picked[:, 4:7] *= RATE_UNITS[form.rate]
     return picked, complaints
+
+
+def _words(line: str) -> list[str]:
+    """Return the columns of a row: between semicolons, else between commas, else between blanks."""
+    for separator in (";", ","):
+        if separator in line:
+            words = [word.strip() for word in line.strip().split(separator)]
+            return words if words[-1] else words[:-1]  # some loggers end rows with a separator
+    return line.split()
 
 
 def _impossible(table: FloatArray, shown: str) -> list[Complaint]:
@@ -125,9 +141,19 @@ def _impossible(table: FloatArray, shown: str) -> list[Complaint]:
         found.append(
             Complaint(f"the specific forces are {force:.3g} m/s² in the median; gravity alone is 9.8{guess}", shown)
         )
-    rate = float(np.percentile(np.abs(table[:, 4:7]), 99.9))
+    rates = np.abs(table[:, 4:7]).max(axis=1)
+    rate = float(np.percentile(rates, 99.9, method="lower"))
     if rate > _FASTEST_RATE:
         text = f"the angular rates reach {rate:.3g} rad/s; they are probably in degrees: --rate-unit deg/s"
+        found.append(Complaint(text, shown))
+    elif rates.max() > _FASTEST_RATE:
+        row = int(np.argmax(rates))
+        text = f"sample {row + 1} has an angular rate of {rates[row]:.6g} rad/s, which no unit has; mend or remove it"
+        found.append(Complaint(text, shown))
+    forces = np.abs(table[:, 1:4]).max(axis=1)
+    if force < 1.25 * _REST and forces.max() > _LARGEST_FORCE:
+        row = int(np.argmax(forces))
+        text = f"sample {row + 1} has a specific force of {forces[row]:.6g} m/s², which no unit has; mend or remove it"
         found.append(Complaint(text, shown))
     return found
 

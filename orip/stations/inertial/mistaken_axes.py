@@ -1,4 +1,4 @@
-"""Axes and units that cannot be those said: which other ones make samples and positions agree.
+"""Samples that were misread, and axes and units that cannot be those said: which other ones make all agree.
 
 Forces and rates are tried with axes exchanged and reversed against each other, and rates in other units, with the
 attitude that fits each best (`orip.stations.inertial.alignment`): what is right has residuals that are smaller by far.
@@ -14,12 +14,21 @@ from msgspec import Struct
 from scipy.spatial.transform import Rotation
 
 from orip.arrays import FloatArray
+from orip.stations.gnss.calendar import moment
 from orip.stations.inertial.alignment import velocities_of
-from orip.stations.inertial.samples import Observed
+from orip.stations.inertial.samples import ImuSamples, Observed
 
 _LOOKED_AT = 90.0
 _BETTER = 3.0
 """Times by which residuals are smaller where something else is right."""
+
+_FORCE, _RATE = 5.0, 0.5
+"""m/s² and rad/s: nothing smaller is called misread."""
+
+_ALONE, _USUAL = 20.0, 99.5
+"""Times by which a misread sample is further from its neighbours than all but the largest part, percent."""
+
+_MOST_NAMED = 3
 
 _AXES = ("forward", "right", "down")
 _PER_DEGREE = np.pi / 180.0
@@ -35,11 +44,29 @@ class _Other(Struct, frozen=True):
 
 def mistaken(observed: Observed) -> str:
     """Return what was probably mistaken; empty: nothing that is tried makes it better."""
+    misread = _misread(observed.imu)
+    if misread:
+        return misread
     tried = list(_tried(observed))
     given, best = tried[0], min(tried, key=lambda other: other.residual)
     if best.residual * _BETTER > given.residual:
         return ""
     return _said(best)
+
+
+def _misread(imu: ImuSamples) -> str:
+    """Name samples that are far from the mean of those before and after them, which no movement is."""
+    apart = np.max([
+        np.abs(values[1:-1] - (values[:-2] + values[2:]) / 2.0).max(axis=1) / unit
+        for values, unit in ((imu.force, _FORCE), (imu.rate, _RATE))
+    ], axis=0)  # fmt: skip
+    largest = np.flatnonzero(apart > max(_ALONE * float(np.percentile(apart, _USUAL)), 1.0))
+    if not len(largest):
+        return ""
+    alone = [at for at in largest if apart[at] == apart[max(at - 1, 0) : at + 2].max()]  # its neighbours stand out too
+    said = ", ".join(f"{at + 2} ({moment(imu.time[at + 1])})" for at in alone[:_MOST_NAMED])
+    more = f" and {len(alone) - _MOST_NAMED} more" if len(alone) > _MOST_NAMED else ""
+    return f"samples that are far from those before and after them were probably misread: {said}{more}; remove them"
 
 
 def _tried(observed: Observed) -> Iterator[_Other]:

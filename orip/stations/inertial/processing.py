@@ -71,6 +71,7 @@ def process_imu(files: ImuFiles) -> ImuResult:
     observed = Observed(imu, fixes, gravity, files.noise, np.array(files.lever_arm))
     try:
         solved = smooth(observed, event_times(files.events, fixes.time), estimates_noise=files.estimates_noise)
+        filtered = filter_as(solved)
     except RuntimeError:  # of GTSAM, for a graph without a solution
         cause = mistaken(observed) or (
             "the units of the columns (--rate-unit deg/s), the axes (--mount), the times (--time, --shift) or the "
@@ -78,7 +79,6 @@ def process_imu(files: ImuFiles) -> ImuResult:
         )
         message = f"no trajectory fits both samples and positions; {cause}"
         raise InputError([Complaint(message, files.imu.name)]) from None
-    filtered = filter_as(solved)
     warnings = tuple(findings(solved, filtered, Named(files.imu.name, files.positions.name, files.form.shift)))
     states = filtered.states if files.forward else solved.trajectory
     found = (solved.trajectory, filtered, fix_statistics(solved, filtered))

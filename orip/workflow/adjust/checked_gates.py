@@ -23,11 +23,8 @@ class CheckOutcome(Struct, frozen=True):
 
     Parameters
     ----------
-    bundle, run : str
-    status : Status
     results : tuple of GateResult
         Those of orip.toml first, each gate once.
-    warnings : tuple of ProjectWarning
     """
 
     bundle: str

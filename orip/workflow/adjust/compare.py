@@ -32,7 +32,6 @@ def compare(folder: Path, a: Path, b: Path, tolerance: Tolerance) -> CompareOutc
         What relative paths are relative to.
     a, b : Path
         A result.json, a project folder with one, or the name of a bundle of the project in `folder`.
-    tolerance : Tolerance
 
     Raises
     ------

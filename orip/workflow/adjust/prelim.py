@@ -90,7 +90,6 @@ class ListedValues(Struct, frozen=True):
         Its absolute orientation lists control as the project has it.
     orientations : array (number of photos, 6)
         X0 Y0 Z0 OMEGA PHI KAPPA; NaN where not found.
-    points : tuple of PreliminaryPoint
     """
 
     values: PreliminaryValues
@@ -145,8 +144,6 @@ class PrelimOutcome(Struct, frozen=True):
 
     Parameters
     ----------
-    given : PrelimInput
-    values : PreliminaryValues
     orientations : array (number of photos, 6)
         As in the files; NaN where not found.
     coordinates : tuple of PreliminaryPoint
@@ -157,7 +154,6 @@ class PrelimOutcome(Struct, frozen=True):
         Points of BUNDLE.PRE without standard deviations: a user has typed them; they stay.
     others : int
         Other points of BUNDLE.PRE that were not computed; they stay.
-    listing : Path
     """
 
     given: PrelimInput
@@ -194,7 +190,6 @@ def keep_values(found: FoundValues, state: ProjectState) -> Change[PrelimOutcome
 
     Parameters
     ----------
-    found : FoundValues
     state : ProjectState
         With definitions; they may have changed since the values were found.
     """

@@ -199,7 +199,6 @@ def print_pdf(page: Path, output: Path, shown: str) -> int:
     ----------
     page : Path
         The report, HTML.
-    output : Path
     shown : str
         The output as messages call it.
 

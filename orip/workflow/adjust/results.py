@@ -81,7 +81,6 @@ def results(solution: Solution, what: What, names: Sequence[str]) -> Results:
 
     Parameters
     ----------
-    solution : Solution
     what : {"cameras", "photos", "points", "theodolites", "figures", "residuals"}
     names : sequence of str
         Cameras, photos, points, sets of directions or figures to show; for residuals photos or points. Empty: all.

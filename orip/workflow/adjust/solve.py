@@ -67,7 +67,6 @@ def solve(
     ----------
     bundle : BundleState
         With `ADJUSTED_FROM`.
-    watcher : SolveWatcher
     method : Method
         Whether data snooping is used, and whether camera parameters that are not significant are held at zero.
     expressions : sequence of str

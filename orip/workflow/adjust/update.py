@@ -57,7 +57,6 @@ class UpdateOutcome(Struct, frozen=True):
 
     Parameters
     ----------
-    project : ProjectFolder
     bundle, run : str
         Of the solution that the values come from.
     what : {"cameras", "photos", "points"}
@@ -67,7 +66,6 @@ class UpdateOutcome(Struct, frozen=True):
         Number of records of the solution that were considered.
     changed : tuple of str
         Names of the records that were changed.
-    values : tuple of ChangedValue
     kept : tuple of KeptValue
         Unknowns that did not take their adjusted values.
     constant : int
@@ -76,7 +74,6 @@ class UpdateOutcome(Struct, frozen=True):
         Adjusted parameters that are still to be written into orip.toml, told with all cameras.
     others : int
         Points of the file that the adjustment does not have; they stay.
-    warnings : tuple of ProjectWarning
     """
 
     project: ProjectFolder

@@ -34,7 +34,6 @@ def edit_point(
     ----------
     state : ProjectState
         With `EDITED_FROM`.
-    photo, name : str
     words : sequence of str
         ``x=35.2310 y=180.0040`` in plate millimetres or pixels, as in a measurement file, and ``name=NEW_NAME``.
     bundle : str or None

@@ -45,7 +45,6 @@ class AddedEdits(Struct, frozen=True):
 
     Parameters
     ----------
-    project : ProjectFolder
     bundle : str or None
         Of edited points; None for marks, ticks, and measurements of any kind.
     lines : tuple of str
@@ -56,7 +55,6 @@ class AddedEdits(Struct, frozen=True):
         The stores were behind the log, and hold all of it now.
     left_alone : tuple of LeftAlone
         Points that are left with a single ray or none.
-    warnings : tuple of ProjectWarning
     """
 
     project: ProjectFolder
@@ -138,7 +136,6 @@ def rename_observation(
         With `EDITED_FROM`.
     owner : str
         The photo; ``*``: all of them.
-    name, new_name : str
     bundle : str or None
         None: the project's only one.
     is_trial : bool

@@ -53,7 +53,6 @@ class MountedFilms(Struct, frozen=True, dict=True):
         Where measurements are written to.
     records : tuple of LogRecord
         Of all texts, in the order of replay.
-    warnings : tuple of ProjectWarning
     """
 
     state: ProjectState
@@ -194,7 +193,6 @@ def mounted_films(folder: Path, log: Path, *parts: Part) -> MountedFilms:
 
     Parameters
     ----------
-    folder : Path
     log : Path
         Where measurements will be written to, relative to the project folder; need not exist.
     parts : Part

@@ -75,7 +75,6 @@ def measure_on_top(state: ProjectState, log: Parsed[MeasurementLog]) -> Change[M
     ----------
     state : ProjectState
         With `MEASURED_ON_TOP`.
-    log : Parsed of MeasurementLog
 
     Raises
     ------

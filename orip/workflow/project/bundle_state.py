@@ -165,7 +165,6 @@ def read_bundle(folder: Path, bundle: str | None, *parts: Part) -> BundleState:
 
     Parameters
     ----------
-    folder : Path
     bundle : str or None
         None: the project's only one.
     parts : Part

@@ -168,7 +168,6 @@ def carry_out(state: S, command: Callable[[S], Change[T]]) -> Committed[T]:
 
     Parameters
     ----------
-    state : ProjectState or BundleState
     command : function of the state
     """
     for _ in range(_ATTEMPTS):

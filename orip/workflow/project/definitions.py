@@ -8,8 +8,18 @@ from pathlib import Path
 from msgspec import Struct
 
 from orip.errors import InputError
-from orip.files.stores.contents import cameras, exterior, observations, photos, templates, temticks
+from orip.files.stores.contents import observations
 from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
+from orip.files.stores.contents.stores import (
+    BUNDLES,
+    CAMERAS,
+    PHOTO_ORIENTATIONS,
+    PHOTOS,
+    TEMPLATE_ORIENTATIONS,
+    TEMPLATES,
+    TEMTICKS,
+    read_bundles,
+)
 from orip.files.stores.digest import record_digest, run_of
 from orip.files.stores.transaction import Stores
 from orip.interior.definitions import Definitions
@@ -69,11 +79,11 @@ class StoredDefinitions(Struct, frozen=True):
 def read_definitions(project: ProjectFolder, stores: Stores) -> StoredDefinitions:
     """Return all definitions; none where the stores are absent."""
     return StoredDefinitions(
-        _with_shared_lenses(cameras.read(stores[project.cameras])),
-        temticks.read(stores[project.temticks]),
-        templates.read(stores[project.templates]),
-        photos.read(stores[project.photos]),
-        exterior.read(stores[project.exterior]),
+        _with_shared_lenses(CAMERAS.read(stores[project.cameras])),
+        TEMTICKS.read(stores[project.temticks]),
+        TEMPLATES.read(stores[project.templates]),
+        PHOTOS.read(stores[project.photos]),
+        read_bundles(stores[project.exterior]),
     )
 
 
@@ -86,15 +96,15 @@ def _with_shared_lenses(stored: Sequence[StoredRecord[Camera]]) -> tuple[StoredR
 def write_definitions(project: ProjectFolder, stores: Stores, old: StoredDefinitions, new: StoredDefinitions) -> None:
     """Write the kinds of records that differ."""
     if new.cameras != old.cameras:
-        cameras.write(stores[project.cameras], new.cameras)
+        CAMERAS.write(stores[project.cameras], new.cameras)
     if new.temticks != old.temticks:
-        temticks.write(stores[project.temticks], new.temticks)
+        TEMTICKS.write(stores[project.temticks], new.temticks)
     if new.templates != old.templates:
-        templates.write(stores[project.templates], new.templates)
+        TEMPLATES.write(stores[project.templates], new.templates)
     if new.photos != old.photos:
-        photos.write(stores[project.photos], new.photos)
+        PHOTOS.write(stores[project.photos], new.photos)
     if new.bundles != old.bundles:
-        exterior.write(stores[project.exterior], new.bundles)
+        BUNDLES.write(stores[project.exterior], new.bundles)
 
 
 def require_initialised(project: ProjectFolder, definitions: StoredDefinitions) -> None:
@@ -148,7 +158,7 @@ def measured_stores(project: ProjectFolder) -> tuple[Path, ...]:
 def read_marks(project: ProjectFolder, stores: Stores) -> Measured:
     """Return the orientations by marks that the stores hold; no photo observations."""
     return Measured(
-        templates.ORIENTATIONS.read(stores[project.templates]), photos.ORIENTATIONS.read(stores[project.photos])
+        TEMPLATE_ORIENTATIONS.read(stores[project.templates]), PHOTO_ORIENTATIONS.read(stores[project.photos])
     )
 
 
@@ -180,7 +190,7 @@ def read_digests(project: ProjectFolder, stores: Stores, bundles: Sequence[str])
     """Return what tells the measurements that the stores hold from others, without making arrays of them."""
     read = ((record_key(name), observations.read_plain(stores[project.observations(name)])) for name in bundles)
     return MeasuredDigests(
-        photos.ORIENTATIONS.digests(stores[project.photos]),
+        PHOTO_ORIENTATIONS.digests(stores[project.photos]),
         {
             key: (len(found.points), digest_of_columns((found.photos, found.points), found.numbers))
             for key, found in read
@@ -191,8 +201,8 @@ def read_digests(project: ProjectFolder, stores: Stores, bundles: Sequence[str])
 
 def write_measured(project: ProjectFolder, stores: Stores, measured: Measured) -> None:
     """Replace what the stores hold of measurements."""
-    templates.ORIENTATIONS.write(stores[project.templates], measured.templates.values())
-    photos.ORIENTATIONS.write(stores[project.photos], measured.photos.values())
+    TEMPLATE_ORIENTATIONS.write(stores[project.templates], measured.templates.values())
+    PHOTO_ORIENTATIONS.write(stores[project.photos], measured.photos.values())
     for bundle in project.bundle_names:
         found = measured.observations.get(record_key(bundle), no_observations(bundle))
         observations.write(stores[project.observations(bundle)], found)

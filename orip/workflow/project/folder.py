@@ -11,8 +11,8 @@ from msgspec import Struct, field
 
 from orip.errors import InputError, NoFolderError, NoProjectError, ProjectWarning, UsageError
 from orip.files.project.reader import read_project
-from orip.files.stores.contents import exterior
 from orip.files.stores.contents.definitions import StoredRecord
+from orip.files.stores.contents.stores import read_bundles
 from orip.files.stores.digest import record_digest
 from orip.files.stores.identity import refuse_older_stores
 from orip.files.stores.transaction import reading
@@ -55,12 +55,10 @@ class ProjectFolder(Struct, frozen=True):
 
     Parameters
     ----------
-    folder : Path
     definition : ProjectDefinition
         As the text says; distortions not yet taken to the polynomial.
     lines : mapping (kind, record_key) to int
         The line of each record in orip.toml.
-    warnings : tuple of ProjectWarning
     bundles_of_commands : tuple of str
         Bundles of the store that orip.toml does not define: they were added, copied or renamed by commands.
     control_of_bundles : mapping of record_key to str
@@ -290,7 +288,7 @@ def open_project(folder: Path) -> ProjectFolder:
     of_bundles = [project.observations(bundle.name) for bundle in project.definition.bundles]
     refuse_older_stores([*project.record_stores, *of_bundles])
     with reading([project.exterior]) as stores:
-        stored = exterior.read(stores[project.exterior])
+        stored = read_bundles(stores[project.exterior])
     names, control = _bundles_of_commands(project, stored), _control_of_bundles(project, stored)
     return replace(project, bundles_of_commands=names, control_of_bundles=control)
 

@@ -28,7 +28,6 @@ def image_warnings(folder: Path, photos: Iterable[Photo], cameras: Mapping[str, 
     ----------
     folder : Path
         Of the project.
-    photos : iterable of Photo
     cameras : mapping of str to Camera
         By `record_key`.
     """

@@ -15,7 +15,8 @@ from msgspec import Struct
 from orip.errors import OripError, UsageError
 from orip.files.identification import run_of_listing, run_of_result
 from orip.files.project.file_names import IGNORE_FILE
-from orip.files.stores.contents import exterior, observations
+from orip.files.stores.contents import observations
+from orip.files.stores.contents.stores import read_bundles
 from orip.files.stores.digest import run_of
 from orip.files.stores.store import Store
 from orip.files.stores.transaction import reading, remove_empty
@@ -39,7 +40,6 @@ class TextOutput(Struct, frozen=True):
 
     Parameters
     ----------
-    path : Path
     pieces : callable
         Gives the text or bytes; called when it is written.
     remedy : str
@@ -56,7 +56,6 @@ class EditedText(Struct, frozen=True):
 
     Parameters
     ----------
-    path : Path
     before : str or None
         Digest of the text that was edited; None: there was none.
     text : str
@@ -112,7 +111,7 @@ def remove_leftovers_of_kills(project: ProjectFolder) -> None:
             if folder.is_dir() and not folder.is_symlink():
                 remove_leftovers(folder)
         with reading([project.exterior]) as stores:
-            defined = [bundle.record.name for bundle in exterior.read(stores[project.exterior])]
+            defined = [bundle.record.name for bundle in read_bundles(stores[project.exterior])]
         # orip.toml may still have the old name of a bundle that was renamed
         for path in _stores_of_no_bundle(project, defined):
             remove_empty(path, _has_nothing)
@@ -152,7 +151,6 @@ def require_replaceable(
 
     Parameters
     ----------
-    project : ProjectFolder
     path : Path
         The output.
     force : bool
@@ -239,8 +237,6 @@ def solution_outputs(project: ProjectFolder, solution: Solution, measured: Photo
 
     Parameters
     ----------
-    project : ProjectFolder
-    solution : Solution
     measured : PhotoObservations
         Those that were adjusted.
     """

@@ -75,11 +75,8 @@ class StoredParts(Struct, frozen=True):
 
     Parameters
     ----------
-    definitions : StoredDefinitions or None
     measured : Measured or None
         Orientations by marks, and photo observations by `record_key` of their bundle.
-    replay : ReplayRecord or None
-    digests : MeasuredDigests or None
     heads : mapping by `record_key` of the bundle
     solutions : mapping by `record_key` of the bundle
         None: the bundle has none.
@@ -100,13 +97,10 @@ class ProjectState(Struct, frozen=True, dict=True):
 
     Parameters
     ----------
-    project : ProjectFolder
-    texts : ProjectTexts
     parts : frozenset of Part
         What was read of the stores.
     bundles : tuple of str
         Those whose observations and solutions were read.
-    stored : StoredParts
     """
 
     project: ProjectFolder
@@ -177,8 +171,6 @@ def read_state(
 
     Parameters
     ----------
-    project : ProjectFolder
-    parts : collection of Part
     bundles : sequence of str
         Those whose observations and solutions are read.
     texts : ProjectTexts or None

@@ -16,9 +16,8 @@ from typing import Any
 from msgspec import Struct
 
 from orip.errors import Complaint, InputError, NoProjectError
-from orip.files.control.angle_units import in_degrees
 from orip.files.control.preliminary_text import read_preliminary
-from orip.files.control.reader import read_control
+from orip.files.control.reader import in_degrees, read_control
 from orip.files.control.stations_text import read_stations
 from orip.files.control.text import CONTROL_EXTENSIONS
 from orip.files.project.file_names import is_pattern
@@ -56,12 +55,7 @@ class ControlInput(Struct, frozen=True):
 
 
 class ProjectTexts:
-    """All text files of a project except orip.toml; each is read once, when it is first needed.
-
-    Parameters
-    ----------
-    project : ProjectFolder
-    """
+    """All text files of a project except orip.toml; each is read once, when it is first needed."""
 
     def __init__(self, project: ProjectFolder) -> None:
         self._project = project

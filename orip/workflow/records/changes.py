@@ -113,14 +113,7 @@ class Renaming(Struct, frozen=True):
 def record_changes(
     before: Mapping[str, Any], after: Mapping[str, Any], renaming: Renaming | None, ground_unit: str
 ) -> tuple[RecordChange, ...]:
-    """Compare two documents record by record.
-
-    Parameters
-    ----------
-    before, after : documents of orip.toml
-    renaming : Renaming or None
-    ground_unit : str
-    """
+    """Compare two documents record by record."""
     return tuple(
         change
         for kind in get_args(RecordKind)

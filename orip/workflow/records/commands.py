@@ -77,7 +77,6 @@ def read_records(folder: Path, *, with_solutions: bool = False) -> ProjectState:
 
     Parameters
     ----------
-    folder : Path
     with_solutions : bool
         Also the solutions, which a bundle takes along when it gets another name.
 
@@ -100,9 +99,6 @@ def add_record(
     ----------
     state : ProjectState
         From `read_records`.
-    record : RecordName
-    words : sequence of str
-    before : str or None
 
     Raises
     ------

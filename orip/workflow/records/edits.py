@@ -33,8 +33,6 @@ class EditedDocument(Struct, frozen=True):
 
     Parameters
     ----------
-    document : document of orip.toml
-    renaming : Renaming or None
     known : str
         Not empty: the record already existed; what to say if the two differ.
     faults : tuple of str

@@ -127,7 +127,6 @@ class ExportedToml(Struct, frozen=True):
 
     Parameters
     ----------
-    project : ProjectFolder
     text : str
         The project file.
     path : Path or None
@@ -136,7 +135,6 @@ class ExportedToml(Struct, frozen=True):
         Whether there was another text in the file.
     backup : Path or None
         Where the previous text is kept.
-    warnings : tuple of ProjectWarning
     """
 
     project: ProjectFolder

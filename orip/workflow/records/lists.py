@@ -40,7 +40,6 @@ class DistortionCurve(Struct, frozen=True):
 
     Parameters
     ----------
-    camera : str
     form : {"polynomial", "isp", "curve"}
         How it was given.
     bundle : str
@@ -77,7 +76,6 @@ def distortion_curve(
     ----------
     state : ProjectState
         With definitions and solutions.
-    name : str
     largest_radius : float or None
         mm; None: to the corner of the frame that is farthest from the principal point, and to all given points.
     is_stored : bool
@@ -178,8 +176,6 @@ def list_records(state: ProjectState, kind: RecordKind, bundle: str | None = Non
     ----------
     state : ProjectState
         With definitions.
-    kind : str
-    bundle : str or None
 
     Raises
     ------

@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 from orip.errors import InputError, OripError, ProjectWarning
-from orip.files.stores.contents import observations, photos, solutions, templates
+from orip.files.stores.contents import observations, solutions
+from orip.files.stores.contents.stores import PHOTO_ORIENTATIONS, TEMPLATE_ORIENTATIONS
 from orip.files.stores.digest import run_of, set_run
 from orip.files.stores.store import Store
 from orip.files.stores.transaction import Stores
@@ -181,18 +182,18 @@ _NewName = Callable[[str], str | None]
 
 def _write_templates(project: ProjectFolder, stores: Stores, new_name: _NewName) -> None:
     store = stores[project.templates]
-    old = list(templates.ORIENTATIONS.read(store).values())
+    old = list(TEMPLATE_ORIENTATIONS.read(store).values())
     new = [replace(reading, template=name) for reading in old if (name := new_name(reading.template)) is not None]
     if [reading.template for reading in new] != [reading.template for reading in old]:
-        templates.ORIENTATIONS.write(store, new)
+        TEMPLATE_ORIENTATIONS.write(store, new)
 
 
 def _write_photos(project: ProjectFolder, stores: Stores, bundles: Sequence[str], new_name: _NewName) -> None:
     store = stores[project.photos]
-    old = list(photos.ORIENTATIONS.read(store).values())
+    old = list(PHOTO_ORIENTATIONS.read(store).values())
     new = [replace(reading, photo=name) for reading in old if (name := new_name(reading.photo)) is not None]
     if [reading.photo for reading in new] != [reading.photo for reading in old]:
-        photos.ORIENTATIONS.write(store, new)
+        PHOTO_ORIENTATIONS.write(store, new)
     for bundle, measured in _observed(project, stores, bundles):
         found = _with_photos(measured, new_name)
         if found.photos != measured.photos:

@@ -71,18 +71,12 @@ def reconcile(
     ----------
     kind : str
         What the records are, for messages.
-    texts : sequence of records
-    stored : sequence of StoredRecord
     project : str
         Name of the project that the text belongs to.
     prefer : {"text", "store"} or None
         Which side wins where both have changed; None: neither, that is a conflict.
     shared : bool
         The store may serve other projects: their records stay, and records gone from this text stay too.
-
-    Returns
-    -------
-    Reconciled
     """
     by_key = {record_key(item.record.name): item for item in stored}
     records: list[StoredRecord[T]] = []

@@ -12,7 +12,8 @@ import pytest
 from cli.command_line import Said, orip
 from workflow.small_projects import REPOSITORY, contents, first_project, replace_in, two_bundles
 
-from orip.files.stores.contents import cameras, photos, solutions
+from orip.files.stores.contents import solutions
+from orip.files.stores.contents.stores import CAMERAS, PHOTOS
 from orip.files.stores.transaction import reading, writing
 from orip.files.text.atomic import replace_in_pieces
 
@@ -37,7 +38,7 @@ def refused(said: Said, code: int, sentence: str) -> None:
 
 def orientation(folder: Path, name: str) -> tuple[float | None, ...]:
     with reading([folder / "FIRST.PHO"]) as stores:
-        records = photos.read(stores[folder / "FIRST.PHO"])
+        records = PHOTOS.read(stores[folder / "FIRST.PHO"])
     return next(record.record.orientation for record in records if record.record.name == name)
 
 
@@ -156,14 +157,14 @@ def test_a_camera_survives_the_next_run_and_the_adjustment_stays(tmp_path: Path)
     said = orip(folder, "update", "cameras")
     assert "camera DCS: C 8 -> 10." in said.err
     with reading([folder / "CAMERAS.CAM"]) as stores:
-        (updated,) = cameras.read(stores[folder / "CAMERAS.CAM"])
+        (updated,) = CAMERAS.read(stores[folder / "CAMERAS.CAM"])
     assert updated.record.parameters[0] != 8.0
     for what in ("photos", "points"):
         assert orip(folder, "update", what).code == 0
     said = orip(folder, "run")
     assert "init     unchanged" in said.err
     with reading([folder / "CAMERAS.CAM"]) as stores:
-        assert cameras.read(stores[folder / "CAMERAS.CAM"]) == (updated,)
+        assert CAMERAS.read(stores[folder / "CAMERAS.CAM"]) == (updated,)
     # standard deviations are those of the normal equations before the last correction, 1e-4 of them long
     assert orip(folder, "compare", "../before.json", ".", "--relative=1e-5").code == 0
 
@@ -339,7 +340,7 @@ def values_of(folder: Path) -> list[object]:
     """Return all that an update may change: the records of cameras and photos, and the text of the points."""
     paths = [folder / "CAMERAS.CAM", folder / "FIRST.PHO"]
     with reading(paths) as stores:
-        return [cameras.read(stores[paths[0]]), photos.read(stores[paths[1]]), (folder / "MAIN.PRE").read_bytes()]
+        return [CAMERAS.read(stores[paths[0]]), PHOTOS.read(stores[paths[1]]), (folder / "MAIN.PRE").read_bytes()]
 
 
 def test_points_of_a_file_that_was_not_there_go_again(project: Path) -> None:

@@ -9,7 +9,8 @@ import pytest
 from cli.command_line import Said, orip
 from workflow.small_projects import contents, film_project, first_project, replace_in, two_bundles
 
-from orip.files.stores.contents import observations, photos
+from orip.files.stores.contents import observations
+from orip.files.stores.contents.stores import PHOTO_ORIENTATIONS
 from orip.files.stores.transaction import reading
 
 KINDS = ("camera", "temtick", "photo", "template", "bundle", "model")
@@ -377,7 +378,7 @@ def test_rename_carries_references_and_measurements(film: Path) -> None:
     assert "warning: FIRST.MEA:1: photo left is called L now, but is still measured here" in said.err
     assert values(film, "model", "M1")["left"] == "L"
     with reading([film / "FIRST.PHO", film / "MAIN.EXO"]) as stores:
-        assert photos.ORIENTATIONS.read(stores[film / "FIRST.PHO"])["L"].photo == "L"
+        assert PHOTO_ORIENTATIONS.read(stores[film / "FIRST.PHO"])["L"].photo == "L"
         observed = observations.read(stores[film / "MAIN.EXO"])
     assert observed is not None
     assert set(observed.photos) == {"L", "right"}
@@ -540,7 +541,7 @@ def test_delete_what_others_refer_to(film: Path) -> None:
     ]
     assert [warning["code"] for warning in said.document["warnings"]] == ["still-in-text", "still-in-measurements"]
     with reading([film / "FIRST.PHO", film / "MAIN.EXO"]) as stores:
-        assert set(photos.ORIENTATIONS.read(stores[film / "FIRST.PHO"])) == {"RIGHT"}
+        assert set(PHOTO_ORIENTATIONS.read(stores[film / "FIRST.PHO"])) == {"RIGHT"}
         observed = observations.read(stores[film / "MAIN.EXO"])
     assert observed is not None
     assert observed.photos == ("right",) * 5

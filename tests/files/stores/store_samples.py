@@ -8,8 +8,17 @@ from msgspec import Struct
 from msgspec.structs import astuple
 
 from orip.files.project.file_names import file_name_fault
-from orip.files.stores.contents import cameras, exterior, observations, photos, solutions, templates, temticks
+from orip.files.stores.contents import observations, solutions
 from orip.files.stores.contents.definitions import StoredRecord
+from orip.files.stores.contents.stores import (
+    BUNDLES,
+    CAMERAS,
+    PHOTO_ORIENTATIONS,
+    PHOTOS,
+    TEMPLATE_ORIENTATIONS,
+    TEMPLATES,
+    TEMTICKS,
+)
 from orip.records.camera import CAMERA_PARAMETERS, Camera, Mark, Projection, Sensor
 from orip.records.coded_names import CodedNames
 from orip.records.control import PointKind
@@ -344,26 +353,26 @@ def filled_stores(folder):
 
     def fill_photos(store):
         known = (1.0, None, 3.0, 0.5, None, -180.0)
-        photos.write(
+        PHOTOS.write(
             store, stored(Photo("P1", "Größe", "T1", None, known, ("X0",), Scan((0.01, 0.02))), Photo("p2", "C"))
         )
-        photos.ORIENTATIONS.write(store, two_orientations)
+        PHOTO_ORIENTATIONS.write(store, two_orientations)
 
     def fill_templates(store):
-        templates.write(store, stored(Template("T1", "TT", "LOWER", ("P1", "p2"), Scan((0.01, 0.01), "centre"))))
-        templates.ORIENTATIONS.write(store, [TemplateOrientation("T1", "C", "UPPER", marks_of("1", "2", "3"))])
+        TEMPLATES.write(store, stored(Template("T1", "TT", "LOWER", ("P1", "p2"), Scan((0.01, 0.01), "centre"))))
+        TEMPLATE_ORIENTATIONS.write(store, [TemplateOrientation("T1", "C", "UPPER", marks_of("1", "2", "3"))])
 
     def fill_exterior(store):
         models = (StereoModel("M1", "P1", "p2", 1, 1), StereoModel("M2", "p2", "P3", 1, 2))
         definition = BundleDefinition(
             "MAIN", Precision(0.5, "px"), datum="free", datum_points=("a", "A"), models=models
         )
-        exterior.write(store, stored(definition, BundleDefinition("second")))
+        BUNDLES.write(store, stored(definition, BundleDefinition("second")))
         solutions.write(store, rich_solution())
 
     return {
-        folder / "C.CAM": lambda store: cameras.write(store, stored(camera_record)),
-        folder / "T.TIK": lambda store: temticks.write(store, stored(Temtick("TT", (Mark("1", 0.0, 1.0),)))),
+        folder / "C.CAM": lambda store: CAMERAS.write(store, stored(camera_record)),
+        folder / "T.TIK": lambda store: TEMTICKS.write(store, stored(Temtick("TT", (Mark("1", 0.0, 1.0),)))),
         folder / "Z.PHO": fill_photos,
         folder / "Z.TEM": fill_templates,
         folder / "Z.EXT": fill_exterior,

@@ -12,8 +12,8 @@ import pytest
 from workflow.killed_here import Killed, killed_at
 
 from orip.errors import InputError, LockedError
-from orip.files.stores.contents import temticks
 from orip.files.stores.contents.definitions import StoredRecord
+from orip.files.stores.contents.stores import TEMTICKS
 from orip.files.stores.transaction import reading, writing
 from orip.records.camera import Mark
 from orip.records.photo import Temtick
@@ -30,13 +30,13 @@ def write(folder: Path, name: str, timeout: float = 10.0) -> None:
     """Give all stores one record of a name."""
     with writing(paths_in(folder), timeout=timeout) as stores:
         for path in paths_in(folder):
-            temticks.write(stores[path], [StoredRecord(Temtick(name, (Mark("1", 0.0, 0.0),)))])
+            TEMTICKS.write(stores[path], [StoredRecord(Temtick(name, (Mark("1", 0.0, 0.0),)))])
 
 
 def names(folder: Path) -> list[str]:
     """Return the names of the records of each store."""
     with reading(paths_in(folder)) as stores:
-        return [" ".join(stored.record.name for stored in temticks.read(stores[path])) for path in paths_in(folder)]
+        return [" ".join(stored.record.name for stored in TEMTICKS.read(stores[path])) for path in paths_in(folder)]
 
 
 def files_in(folder: Path) -> list[str]:
@@ -119,7 +119,7 @@ def test_stores_that_are_moved_together_are_put_back(tmp_path):
     killed_between_commits(tmp_path / "here")
     (tmp_path / "here").rename(tmp_path / "there")
     with reading([tmp_path / "there" / "S12.TIK"]) as stores:  # one of them is enough
-        assert [stored.record.name for stored in temticks.read(stores[tmp_path / "there" / "S12.TIK"])] == ["OLD"]
+        assert [stored.record.name for stored in TEMTICKS.read(stores[tmp_path / "there" / "S12.TIK"])] == ["OLD"]
     assert names(tmp_path / "there") == ["OLD"] * MANY
     assert files_in(tmp_path / "there") == [path.name for path in paths_in(tmp_path)]
 

@@ -13,8 +13,9 @@ import pytest
 import store_samples as samples
 
 from orip.errors import InputError
-from orip.files.stores.contents import observations, solutions, temticks
+from orip.files.stores.contents import observations, solutions
 from orip.files.stores.contents.definitions import StoredRecord
+from orip.files.stores.contents.stores import TEMTICKS
 from orip.files.stores.dump import dump
 from orip.files.stores.packed_columns import packed_column
 from orip.files.stores.table import StoreColumn
@@ -155,10 +156,10 @@ def test_a_store_that_changes_bit_by_bit_keeps_its_sums(tmp_path: Path) -> None:
     path = tmp_path / "T.TIK"
     for names in (["A"], ["A", "B"], [], ["B", "C"]):
         with writing([path]) as stores:
-            temticks.write(stores[path], [StoredRecord(Temtick(name, ())) for name in names])
+            TEMTICKS.write(stores[path], [StoredRecord(Temtick(name, ())) for name in names])
         assert list(dump(path))
         with reading([path]) as stores:
-            assert [item.record.name for item in temticks.read(stores[path])] == names
+            assert [item.record.name for item in TEMTICKS.read(stores[path])] == names
 
 
 def test_sqlite_trusts_no_file() -> None:

@@ -16,8 +16,17 @@ from msgspec.structs import replace
 from orip.errors import InputError, UsageError
 from orip.files.stores import digest as provenance
 from orip.files.stores import store
-from orip.files.stores.contents import cameras, exterior, observations, photos, solutions, templates, temticks
+from orip.files.stores.contents import observations, solutions
 from orip.files.stores.contents.definitions import StoredRecord
+from orip.files.stores.contents.stores import (
+    BUNDLES,
+    CAMERAS,
+    PHOTO_ORIENTATIONS,
+    PHOTOS,
+    TEMPLATE_ORIENTATIONS,
+    TEMTICKS,
+    read_bundles,
+)
 from orip.files.stores.dump import dump, load
 from orip.files.stores.identity import DUMP_VERSION
 from orip.files.stores.transaction import reading, writing
@@ -89,11 +98,11 @@ def test_a_dump_given_up_half_way_holds_no_lock(tmp_path):
 @pytest.mark.parametrize("name", ["Z.PHO", "Z.TEM"])
 def test_equal_data_give_equal_dumps_whatever_the_order_of_writing(tmp_path, name):
     path = make(tmp_path / name)
-    module = {"Z.PHO": photos, "Z.TEM": templates}[name]
+    tables = {"Z.PHO": PHOTO_ORIENTATIONS, "Z.TEM": TEMPLATE_ORIENTATIONS}[name]
     before = list(dump(path))
     with writing([path]) as stores:
-        orientations = list(module.ORIENTATIONS.read(stores[path]).values())
-        module.ORIENTATIONS.write(stores[path], reversed(orientations))
+        orientations = list(tables.read(stores[path]).values())
+        tables.write(stores[path], reversed(orientations))
     assert list(dump(path)) == before
 
 
@@ -102,12 +111,12 @@ def test_equal_data_give_equal_dumps_whatever_the_history(tmp_path):
     before = list(dump(path))
     with writing([path]) as stores:
         solutions.delete(stores[path], "MAIN")
-        definitions = exterior.read(stores[path])
-        exterior.write(stores[path], ())
+        definitions = read_bundles(stores[path])
+        BUNDLES.write(stores[path], ())
     with writing([path]) as stores:
         for name in ("zz", "MAIN", "aa"):
             solutions.write(stores[path], samples.rich_solution(name))
-        exterior.write(stores[path], definitions)
+        BUNDLES.write(stores[path], definitions)
         for name in ("aa", "ZZ"):
             solutions.delete(stores[path], name)
     assert list(dump(path)) == before
@@ -119,14 +128,14 @@ def test_any_store_survives_dump_and_load(definitions, orientations, observed):
     with tempfile.TemporaryDirectory() as folder:
         pho, exo = Path(folder) / "Z.PHO", Path(folder) / "A.EXO"
         with writing([pho, exo]) as stores:
-            photos.write(stores[pho], definitions)
-            photos.ORIENTATIONS.write(stores[pho], orientations)
+            PHOTOS.write(stores[pho], definitions)
+            PHOTO_ORIENTATIONS.write(stores[pho], orientations)
             observations.write(stores[exo], observed)
         for path, other in ((pho, Path(folder) / "Y.PHO"), (exo, Path(folder) / "B.EXO")):
             load(dump(path), other)
             assert list(dump(other)) == list(dump(path))
         with reading([Path(folder) / "Y.PHO", Path(folder) / "B.EXO"]) as stores:
-            assert samples.same(photos.read(stores[Path(folder) / "Y.PHO"]), definitions)
+            assert samples.same(PHOTOS.read(stores[Path(folder) / "Y.PHO"]), definitions)
             assert samples.same(observations.read(stores[Path(folder) / "B.EXO"]), observed)
 
 
@@ -199,7 +208,7 @@ def test_all_faults_are_told_at_once_and_lists_of_a_refused_record_are_not(tmp_p
     path = tmp_path / "T.TIK"
     records = [Temtick(name, (Mark("1", 0.0, 0.0), Mark("2", 0.5, 0.0))) for name in ("A", "B", "C")]
     with writing([path]) as stores:
-        temticks.write(stores[path], [StoredRecord(record) for record in records])
+        TEMTICKS.write(stores[path], [StoredRecord(record) for record in records])
     lines = edited(dump(path), '["A", 0, null', '["A", "first", null')
     lines = edited(lines, '["C", 1, "2"', '["C", 1, "1"')
     with pytest.raises(InputError) as caught:
@@ -216,7 +225,7 @@ def test_all_faults_are_told_at_once_and_lists_of_a_refused_record_are_not(tmp_p
 def test_names_that_differ_in_case_alone_are_refused(tmp_path):
     path = tmp_path / "C.CAM"
     with writing([path]) as stores:
-        cameras.write(stores[path], [StoredRecord(Camera(name, (0.0,) * 13)) for name in ("ä", "b")])
+        CAMERAS.write(stores[path], [StoredRecord(Camera(name, (0.0,) * 13)) for name in ("ä", "b")])
     with pytest.raises(InputError, match=r"'ä' and 'Ä' are one name"):
         load(edited(dump(path), '["b"', '["Ä"'), path)
 
@@ -250,7 +259,7 @@ def test_rows_edited_by_hand_may_have_whole_numbers(tmp_path):
     path = make(tmp_path / "T.TIK")
     load(edited(dump(path), '"1", 0.0, 1.0]', '"1", 0, 7]'), path)
     with reading([path]) as stores:
-        assert samples.same(temticks.read(stores[path])[0].record.ticks, (Mark("1", 0.0, 7.0),))
+        assert samples.same(TEMTICKS.read(stores[path])[0].record.ticks, (Mark("1", 0.0, 7.0),))
 
 
 def test_a_foreign_file_is_not_overwritten_by_a_load(tmp_path):

@@ -14,9 +14,18 @@ from msgspec import defstruct
 from orip.errors import InputError
 from orip.files.stores import digest as provenance
 from orip.files.stores import store
-from orip.files.stores.contents import cameras, exterior, observations, photos, solutions, templates, temticks
+from orip.files.stores.contents import observations, solutions
 from orip.files.stores.contents.definitions import StoredRecord
 from orip.files.stores.contents.solution_tables import bundles
+from orip.files.stores.contents.stores import (
+    BUNDLES,
+    CAMERAS,
+    PHOTO_ORIENTATIONS,
+    PHOTOS,
+    TEMPLATE_ORIENTATIONS,
+    TEMPLATES,
+    TEMTICKS,
+)
 from orip.files.stores.digest import record_digest, same_record
 from orip.files.stores.transaction import reading, writing
 from orip.records.camera import Camera, Mark
@@ -42,11 +51,11 @@ def round_trip(file_name, write, read):
 
 
 DEFINITIONS = {
-    "C.CAM": (cameras, samples.camera),
-    "T.TIK": (temticks, samples.temtick),
-    "Z.PHO": (photos, samples.photo),
-    "Z.TEM": (templates, samples.template),
-    "Z.EXT": (exterior, samples.bundle),
+    "C.CAM": (CAMERAS, samples.camera),
+    "T.TIK": (TEMTICKS, samples.temtick),
+    "Z.PHO": (PHOTOS, samples.photo),
+    "Z.TEM": (TEMPLATES, samples.template),
+    "Z.EXT": (BUNDLES, samples.bundle),
 }
 
 
@@ -54,16 +63,16 @@ DEFINITIONS = {
 @given(st.data())
 @pytest.mark.parametrize("file_name", DEFINITIONS)
 def test_definitions_come_back_exactly_and_in_order(file_name, data):
-    module, record = DEFINITIONS[file_name]
+    tables, record = DEFINITIONS[file_name]
     written = data.draw(samples.stored_records(record))
-    found = round_trip(file_name, lambda store: module.write(store, written), module.read)
+    found = round_trip(file_name, lambda store: tables.write(store, written), tables.read)
     assert samples.same(found, written)
     assert [record_digest(item.record) for item in found] == [record_digest(item.record) for item in written]
 
 
 ORIENTATIONS = {
-    "Z.PHO": (photos, samples.photo_orientations(), "photo"),
-    "Z.TEM": (templates, samples.template_orientations(), "template"),
+    "Z.PHO": (PHOTO_ORIENTATIONS, samples.photo_orientations(), "photo"),
+    "Z.TEM": (TEMPLATE_ORIENTATIONS, samples.template_orientations(), "template"),
 }
 
 
@@ -71,9 +80,9 @@ ORIENTATIONS = {
 @given(st.data())
 @pytest.mark.parametrize("file_name", ORIENTATIONS)
 def test_orientations_come_back_exactly(file_name, data):
-    module, orientations, name = ORIENTATIONS[file_name]
+    tables, orientations, name = ORIENTATIONS[file_name]
     written = data.draw(orientations)
-    found = round_trip(file_name, lambda store: module.ORIENTATIONS.write(store, written), module.ORIENTATIONS.read)
+    found = round_trip(file_name, lambda store: tables.write(store, written), tables.read)
     expected = {record_key(getattr(item, name)): item for item in written}
     assert found.keys() == expected.keys()
     assert all(samples.same(found[key], expected[key]) for key in expected)
@@ -105,8 +114,8 @@ def test_observations_have_the_same_digest_without_arrays(written, cells_of_part
 def test_orientations_have_the_same_digests_without_arrays(written):
     found, digests = round_trip(
         "Z.PHO",
-        lambda opened: photos.ORIENTATIONS.write(opened, written),
-        lambda opened: (photos.ORIENTATIONS.read(opened), photos.ORIENTATIONS.digests(opened)),
+        lambda opened: PHOTO_ORIENTATIONS.write(opened, written),
+        lambda opened: (PHOTO_ORIENTATIONS.read(opened), PHOTO_ORIENTATIONS.digests(opened)),
     )
     assert digests == tuple(map(record_digest, found.values()))
 
@@ -139,7 +148,7 @@ def test_numpy_scalars_in_a_solution_come_back_as_plain_numbers():
 
 def test_negative_zero_becomes_zero_and_keeps_the_digest():
     written = [StoredRecord(Temtick("T", (Mark("1", -0.0, 1.0),)))]
-    found = round_trip("T.TIK", lambda store: temticks.write(store, written), temticks.read)
+    found = round_trip("T.TIK", lambda store: TEMTICKS.write(store, written), TEMTICKS.read)
     assert str(found[0].record.ticks[0].x) == "0.0"
     assert record_digest(found[0].record) == record_digest(written[0].record)
 
@@ -173,11 +182,11 @@ def test_writing_definitions_keeps_orientations_and_solutions(tmp_path):
     with writing([pho, ext]) as stores:
         stores_of[pho](stores[pho])
         stores_of[ext](stores[ext])
-        photos.write(stores[pho], [StoredRecord(Photo("other", "C"))])
-        exterior.write(stores[ext], [StoredRecord(BundleDefinition("other"))])
+        PHOTOS.write(stores[pho], [StoredRecord(Photo("other", "C"))])
+        BUNDLES.write(stores[ext], [StoredRecord(BundleDefinition("other"))])
     with reading([pho, ext]) as stores:
-        assert [item.record.name for item in photos.read(stores[pho])] == ["other"]
-        assert list(photos.ORIENTATIONS.read(stores[pho])) == ["P1", "P2"]
+        assert [item.record.name for item in PHOTOS.read(stores[pho])] == ["other"]
+        assert list(PHOTO_ORIENTATIONS.read(stores[pho])) == ["P1", "P2"]
         assert bundles(stores[ext]) == ("MAIN",)
 
 
@@ -186,14 +195,14 @@ def test_records_whose_names_differ_in_case_alone_are_refused(tmp_path, first, s
     path = tmp_path / "C.CAM"
     twins = [StoredRecord(Camera(name, (0.0,) * 13)) for name in (first, second)]
     with pytest.raises(InputError, match=f"'{first}' and '{second}' are one name"), writing([path]) as stores:
-        cameras.write(stores[path], twins)
+        CAMERAS.write(stores[path], twins)
 
 
 def test_a_record_that_breaks_a_rule_is_bad_input(tmp_path):
     path = tmp_path / "C.CAM"
     wrong = Camera("A", (0.0,) * 13, additional_set="BROWN")
     with pytest.raises(InputError, match=r"C\.CAM: a record breaks a rule.*additional_set"), writing([path]) as stores:
-        cameras.write(stores[path], [StoredRecord(wrong)])
+        CAMERAS.write(stores[path], [StoredRecord(wrong)])
 
 
 def test_text_that_is_no_unicode_is_bad_input(tmp_path):

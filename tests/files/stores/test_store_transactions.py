@@ -15,8 +15,8 @@ import store_samples as samples
 
 from orip.errors import InputError, LockedError, OripError, UsageError
 from orip.files.stores import digest as provenance
-from orip.files.stores.contents import cameras, photos, temticks
 from orip.files.stores.contents.definitions import StoredRecord
+from orip.files.stores.contents.stores import CAMERAS, PHOTO_ORIENTATIONS, PHOTOS, TEMTICKS
 from orip.files.stores.identity import SCHEMA_VERSION, is_older_store
 from orip.files.stores.transaction import reading, remove_empty, writing
 from orip.records.photo import Photo, Temtick
@@ -27,13 +27,13 @@ def tik(tmp_path):
     """A store with one temtick."""
     path = tmp_path / "T.TIK"
     with writing([path]) as stores:
-        temticks.write(stores[path], [StoredRecord(Temtick("TT", ()))])
+        TEMTICKS.write(stores[path], [StoredRecord(Temtick("TT", ()))])
     return path
 
 
 def names_in(path):
     with reading([path]) as stores:
-        return [item.record.name for item in temticks.read(stores[path])]
+        return [item.record.name for item in TEMTICKS.read(stores[path])]
 
 
 def test_a_new_store_tells_what_it_is(tik):
@@ -69,8 +69,8 @@ def test_a_missing_store_is_read_as_empty_and_not_created(tmp_path):
     paths = [tmp_path / name for name in samples.filled_stores(tmp_path)]
     with reading(paths) as stores:
         assert not any(stores[path].present for path in paths)
-        assert cameras.read(stores[tmp_path / "C.CAM"]) == ()
-        assert photos.ORIENTATIONS.read(stores[tmp_path / "Z.PHO"]) == {}
+        assert CAMERAS.read(stores[tmp_path / "C.CAM"]) == ()
+        assert PHOTO_ORIENTATIONS.read(stores[tmp_path / "Z.PHO"]) == {}
         assert provenance.run_of(stores[tmp_path / "Z.PHO"]) is None
     assert list(tmp_path.iterdir()) == []
 
@@ -81,7 +81,7 @@ def test_a_store_of_no_bytes_counts_as_absent(tmp_path):
     assert names_in(path) == []
     assert path.stat().st_size == 0
     with writing([path]) as stores:
-        temticks.write(stores[path], [StoredRecord(Temtick("TT", ()))])
+        TEMTICKS.write(stores[path], [StoredRecord(Temtick("TT", ()))])
     assert names_in(path) == ["TT"]
 
 
@@ -89,8 +89,8 @@ def test_an_error_inside_rolls_all_stores_back(tmp_path, tik):
     pho = tmp_path / "Z.PHO"
     before = tik.read_bytes()
     with contextlib.suppress(ZeroDivisionError), writing([tik, pho]) as stores:
-        temticks.write(stores[tik], [StoredRecord(Temtick("other", ()))])
-        photos.write(stores[pho], [StoredRecord(Photo("P1", "C"))])
+        TEMTICKS.write(stores[tik], [StoredRecord(Temtick("other", ()))])
+        PHOTOS.write(stores[pho], [StoredRecord(Photo("P1", "C"))])
         raise ZeroDivisionError
     assert tik.read_bytes() == before
     with reading([tik, pho]) as stores:
@@ -119,7 +119,7 @@ def test_a_commit_that_readers_hold_up_is_rolled_back_and_told(tik, tmp_path):
     pho = tmp_path / "Z.PHO"
     told = pytest.raises(LockedError, match=r"\(one of them\) is locked")
     with reading([tik]), told, writing([tik, pho], timeout=0.2) as stores:
-        temticks.write(stores[tik], [])
+        TEMTICKS.write(stores[tik], [])
     assert names_in(tik) == ["TT"]
     with reading([pho]) as stores:
         assert not stores[pho].present
@@ -128,8 +128,8 @@ def test_a_commit_that_readers_hold_up_is_rolled_back_and_told(tik, tmp_path):
 def test_readers_see_one_state_while_a_writer_commits(tmp_path, tik):
     with reading([tik]) as before:
         with pytest.raises(LockedError), writing([tik], timeout=0.1) as stores:
-            temticks.write(stores[tik], [])
-        assert len(temticks.read(before[tik])) == 1
+            TEMTICKS.write(stores[tik], [])
+        assert len(TEMTICKS.read(before[tik])) == 1
 
 
 def foreign_text(path):
@@ -170,7 +170,7 @@ def older(path):
 
 def cut_short(path):
     with writing([path]) as stores:
-        temticks.write(stores[path], [StoredRecord(Temtick(f"T{number}", ())) for number in range(2000)])
+        TEMTICKS.write(stores[path], [StoredRecord(Temtick(f"T{number}", ())) for number in range(2000)])
     os.truncate(path, path.stat().st_size // 2)
 
 
@@ -182,7 +182,7 @@ def cut_in_header(path):
 
 def overwritten(path):
     with writing([path]) as stores:
-        temticks.write(stores[path], [StoredRecord(Temtick(f"T{number}", ())) for number in range(2000)])
+        TEMTICKS.write(stores[path], [StoredRecord(Temtick(f"T{number}", ())) for number in range(2000)])
     content = bytearray(path.read_bytes())
     content[8192:-4096] = b"\xa5" * (len(content) - 8192 - 4096)
     path.write_bytes(content)
@@ -190,7 +190,7 @@ def overwritten(path):
 
 def not_utf8(path):
     with writing([path]) as stores:
-        temticks.write(stores[path], [StoredRecord(Temtick("MARKME", ()))])
+        TEMTICKS.write(stores[path], [StoredRecord(Temtick("MARKME", ()))])
     path.write_bytes(path.read_bytes().replace(b"MARKME", b"MARK\xff\xfe"))
 
 
@@ -216,14 +216,14 @@ def test_what_is_no_sound_store_is_refused_with_its_name_and_left_alone(tmp_path
     with pytest.raises(InputError, match=rf"T\.TIK: .*{message}"):
         names_in(path)
     with pytest.raises(InputError, match=r"T\.TIK"), writing([path]) as stores:
-        temticks.read(stores[path])
+        TEMTICKS.read(stores[path])
     assert path.read_bytes() == before
 
 
 def test_any_flipped_byte_gives_a_value_or_a_damage_report_but_no_other_error(tmp_path):
     source = tmp_path / "T.TIK"
     with writing([source]) as stores:
-        temticks.write(stores[source], [StoredRecord(Temtick(f"T{number}", ())) for number in range(30)])
+        TEMTICKS.write(stores[source], [StoredRecord(Temtick(f"T{number}", ())) for number in range(30)])
     content = source.read_bytes()
     generator = random.Random(5)
     for _ in range(150):
@@ -282,7 +282,7 @@ def test_a_store_in_a_folder_without_permission_to_write_can_be_read(tik):
     try:
         assert names_in(tik) == ["TT"]
         with pytest.raises(OripError, match="permissions"), writing([tik]) as stores:
-            temticks.write(stores[tik], [])
+            TEMTICKS.write(stores[tik], [])
     finally:
         tik.parent.chmod(0o755)
 
@@ -290,7 +290,7 @@ def test_a_store_in_a_folder_without_permission_to_write_can_be_read(tik):
 def test_reading_rolls_back_what_a_killed_run_left_half_written(tmp_path):
     path, copy = tmp_path / "T.TIK", tmp_path / "C.TIK"
     with writing([path]) as stores:
-        temticks.write(stores[path], [StoredRecord(Temtick(f"T{number}", ())) for number in range(2000)])
+        TEMTICKS.write(stores[path], [StoredRecord(Temtick(f"T{number}", ())) for number in range(2000)])
     before = path.read_bytes()
     with contextlib.closing(sqlite3.connect(path, isolation_level=None)) as connection:
         # A cache of one page makes SQLite write changed pages to the file before the commit.
@@ -302,7 +302,7 @@ def test_reading_rolls_back_what_a_killed_run_left_half_written(tmp_path):
         journal.write_bytes((tmp_path / "T.TIK-journal").read_bytes())
     assert copy.read_bytes() != before
     with reading([copy]) as stores:
-        assert {item.origin for item in temticks.read(stores[copy])} == {None}
+        assert {item.origin for item in TEMTICKS.read(stores[copy])} == {None}
     assert copy.read_bytes() == before
     assert not journal.exists()
 
@@ -310,7 +310,7 @@ def test_reading_rolls_back_what_a_killed_run_left_half_written(tmp_path):
 WRITER = """
 import sys
 from pathlib import Path
-from orip.files.stores.contents import photos, temticks
+from orip.files.stores.contents.stores import CAMERAS, PHOTOS, PHOTO_ORIENTATIONS, TEMTICKS
 from orip.files.stores.contents.definitions import StoredRecord
 from orip.files.stores.transaction import writing
 from orip.records.photo import Photo, Temtick
@@ -320,11 +320,11 @@ generation = int(sys.argv[4])
 while True:
     generation += 1
     with writing([tik, pho]) as stores:
-        temticks.write(stores[tik], [StoredRecord(Temtick(f"{generation}-{n}", ())) for n in range(300)])
+        TEMTICKS.write(stores[tik], [StoredRecord(Temtick(f"{generation}-{n}", ())) for n in range(300)])
         if pause == "between writes":
             print("here", flush=True)
             sys.stdin.read()
-        photos.write(stores[pho], [StoredRecord(Photo(f"{generation}-{n}", "C")) for n in range(300)])
+        PHOTOS.write(stores[pho], [StoredRecord(Photo(f"{generation}-{n}", "C")) for n in range(300)])
         if pause == "before the commit":
             print("here", flush=True)
             sys.stdin.read()
@@ -335,8 +335,8 @@ while True:
 def generations(tik, pho):
     """Return the generations that the two stores hold, which must each be whole."""
     with reading([tik, pho]) as stores:
-        first = [item.record.name for item in temticks.read(stores[tik])]
-        second = [item.record.name for item in photos.read(stores[pho])]
+        first = [item.record.name for item in TEMTICKS.read(stores[tik])]
+        second = [item.record.name for item in PHOTOS.read(stores[pho])]
     assert first == second
     assert len(first) in {0, 300}
     return {int(name.split("-")[0]) for name in first} or {0}

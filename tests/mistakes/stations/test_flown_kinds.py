@@ -24,7 +24,6 @@ class Kind(Struct, frozen=True):
     """A row of the document; words that the first sentence has, and how the mistake is made in a folder."""
 
     title: str
-    mend: str
     words: tuple[str, ...]
     make: Callable[[Path, str], Path]
     endings: tuple[str, ...] = ("STA", "ELE")
@@ -149,49 +148,41 @@ def mirrored_marks(folder: Path) -> None:
 
 KINDS = {
     "resolution": Kind(
-        "Control measured in pictures of half the resolution", "Multiply its pixels by 2.",
+        "Control measured in pictures of half the resolution",
         ("multiplied by 2", "lower resolution"), flown(control_of_half_the_resolution), ("STA", "")),
     "pole": Kind(
-        "Height of the pole not taken off the control", "Correct Z of the control.",
-        ("m too high", "pole"), flown(pole), ("STA",)),
+        "Height of the pole not taken off the control", ("m too high", "pole"), flown(pole), ("STA",)),
     "base": Kind(
-        "Half of a flight from another base station", "Correct those positions.",
+        "Half of a flight from another base station",
         ("from DJI_0013 to DJI_0024", "base station"), flown(of_another_base)),
     "fix": Kind(
-        "Positions without a fix", "Write the errors that the warning gives.",
-        ("scatter by", "RTK", "write errors of about"), high(without_fix)),
+        "Positions without a fix", ("scatter by", "RTK", "write errors of about"), high(without_fix)),
     "ahead": Kind(
-        "Positions of another moment than the exposures", "Match events and exposures again, or write their times.",
-        ("m ahead of their photos along the flight",), flown(ahead)),
+        "Positions of another moment than the exposures", ("m ahead of their photos along the flight",), flown(ahead)),
     "zone": Kind(
-        "Positions in another zone or system than the control", "Convert one of the two.",
+        "Positions in another zone or system than the control",
         ("Gauss-Krüger coordinates of zone 3",), high(in_gauss_krueger)),
     "millimetres": Kind(
-        "Positions in another unit than the control", "Write both in one unit.",
-        ("multiplied by 1000",), high(in_millimetres)),
+        "Positions in another unit than the control", ("multiplied by 1000",), high(in_millimetres)),
     "certain positions": Kind(
-        "Errors of positions that no GNSS has", "Write those of the receiver.",
-        ("smaller than those of any GNSS", "0.03"), flown(certain_positions)),
+        "Errors of positions that no GNSS has", ("smaller than those of any GNSS", "0.03"), flown(certain_positions)),
     "certain control": Kind(
-        "Errors of control that no survey has", "Write those of the survey.",
-        ("smaller than those of any survey",), flown(certain_control)),
+        "Errors of control that no survey has", ("smaller than those of any survey",), flown(certain_control)),
     "compared": Kind(
-        "All control points are check points", "Make the errors of three positive.",
+        "All control points are check points",
         ("all 9 points of the .PNT file have negative errors",), flown(only_compared), ("",)),
     "zoom": Kind(
-        "A photo of another zoom", "Give it a camera of its own.",
-        ("photo DJI_0010", "another zoom"), flown(zoomed)),
+        "A photo of another zoom", ("photo DJI_0010", "another zoom"), flown(zoomed)),
     "marks": Kind(
-        "Two fiducial marks exchanged", "Exchange their names.",
+        "Two fiducial marks exchanged",
         ("photo 204: the fiducial marks do not", "if 5 and 8 were exchanged"), on_film(exchanged_marks), ("",)),
     "mark": Kind(
-        "A fiducial mark misread", "Measure it again.",
-        ("photo 202: fiducial mark 7 does not fit",), on_film(misread_mark), ("",)),
+        "A fiducial mark misread", ("photo 202: fiducial mark 7 does not fit",), on_film(misread_mark), ("",)),
     "templates": Kind(
-        "Tick marks measured under the name of the other template", "Exchange the names in the `TEMPLATE` lines.",
+        "Tick marks measured under the name of the other template",
         ("templates LEFT and RIGHT", "exchange the names"), on_film(exchanged_templates), ("",)),
     "signs": Kind(
-        "Fiducial marks with the wrong sign of y", "Reverse it in the `[[camera]]`.",
+        "Fiducial marks with the wrong sign of y",
         ("a mirror image", "wrong sign of x or of y"), on_film(mirrored_marks), ("",)),
 }  # fmt: skip
 
@@ -209,7 +200,7 @@ def test_the_first_sentence_names_the_cause(tmp_path: Path, name: str, ending: s
     first = said_first(said)
     assert [word for word in kind.words if word not in first] == [], first
     if ending == kind.endings[0]:
-        row = f"| {kind.title} | {diagnosis(first)} | {kind.mend} |\n"
+        row = f"| {kind.title} | {diagnosis(first)} |\n"
         assert row in DOCUMENT.read_text(encoding="utf-8"), row
 
 

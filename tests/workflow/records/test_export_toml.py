@@ -14,7 +14,7 @@ from workflow.small_projects import contents, film_project, first_project, repla
 
 from orip.errors import InputError, UsageError
 from orip.files.project.records import project_document, project_text
-from orip.files.stores.contents import cameras
+from orip.files.stores.contents.stores import CAMERAS
 from orip.files.stores.digest import record_digest
 from orip.files.stores.dump import dump
 from orip.files.stores.transaction import reading
@@ -154,7 +154,7 @@ def test_cameras_of_other_projects_are_left_out(project: Path) -> None:
     edit_record(project, RecordName("photo", "left"), ["camera=C36"])
     assert '"C36"' in export_toml(project).text
     with reading([project / "CAMERAS.CAM"]) as stores:
-        origins = {stored.record.name: stored.origin for stored in cameras.read(stores[project / "CAMERAS.CAM"])}
+        origins = {stored.record.name: stored.origin for stored in CAMERAS.read(stores[project / "CAMERAS.CAM"])}
     assert origins == {"C35": "FIRST", "C36": "SECOND"}
 
 

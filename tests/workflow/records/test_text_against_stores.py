@@ -12,7 +12,7 @@ from workflow.quiet import run_quietly
 from workflow.small_projects import contents, first_project, replace_in
 
 from orip.errors import InputError
-from orip.files.stores.contents import cameras, exterior, photos
+from orip.files.stores.contents.stores import CAMERAS, PHOTOS, read_bundles
 from orip.files.stores.transaction import reading, writing
 from orip.records.camera import Camera
 from orip.records.photo import Photo
@@ -26,18 +26,18 @@ pytestmark = pytest.mark.usefixtures("initialised")
 
 def edit_camera(folder: Path, change: Callable[[Camera], Camera]) -> None:
     """Change all cameras in the store, as a command that edits records does: what the text was is remembered."""
-    _edit(folder / "CAMERAS.CAM", cameras, change)
+    _edit(folder / "CAMERAS.CAM", CAMERAS, change)
 
 
 def edit_photos(folder: Path, change: Callable[[Photo], Photo]) -> None:
     """Change all photos in the store."""
-    _edit(folder / "FIRST.PHO", photos, change)
+    _edit(folder / "FIRST.PHO", PHOTOS, change)
 
 
-def _edit(path: Path, module: Any, change: Callable[[Any], Any]) -> None:
+def _edit(path: Path, tables: Any, change: Callable[[Any], Any]) -> None:
     with writing([path]) as stores:
-        module.write(
-            stores[path], [replace(stored, record=change(stored.record)) for stored in module.read(stores[path])]
+        tables.write(
+            stores[path], [replace(stored, record=change(stored.record)) for stored in tables.read(stores[path])]
         )
 
 
@@ -48,7 +48,7 @@ def with_c(value: float) -> Callable[[Camera], Camera]:
 def stored_c(folder: Path) -> dict[str, float]:
     with reading([folder / "CAMERAS.CAM"]) as stores:
         return {
-            stored.record.name: stored.record.parameters[0] for stored in cameras.read(stores[folder / "CAMERAS.CAM"])
+            stored.record.name: stored.record.parameters[0] for stored in CAMERAS.read(stores[folder / "CAMERAS.CAM"])
         }
 
 
@@ -164,11 +164,11 @@ def test_prefer_text_removes_an_edited_record(project: Path) -> None:
 def test_a_record_that_is_in_the_store_alone_stays(project: Path) -> None:
     with writing([project / "FIRST.PHO"]) as stores:
         store = stores[project / "FIRST.PHO"]
-        known = photos.read(store)
-        photos.write(store, [*known, replace(known[0], record=replace(known[0].record, name="own"), text_digest=None)])
+        known = PHOTOS.read(store)
+        PHOTOS.write(store, [*known, replace(known[0], record=replace(known[0].record, name="own"), text_digest=None)])
     assert actions(project) == set()
     with reading([project / "FIRST.PHO"]) as stores:
-        assert [stored.record.name for stored in photos.read(stores[project / "FIRST.PHO"])] == ["left", "right", "own"]
+        assert [stored.record.name for stored in PHOTOS.read(stores[project / "FIRST.PHO"])] == ["left", "right", "own"]
 
 
 def test_renamed_in_case_alone(project: Path) -> None:
@@ -176,14 +176,14 @@ def test_renamed_in_case_alone(project: Path) -> None:
     assert actions(project) == {("photo", "LEFT", "changed")}
     run_quietly(project)
     with reading([project / "FIRST.PHO"]) as stores:
-        assert [stored.record.name for stored in photos.read(stores[project / "FIRST.PHO"])] == ["LEFT", "right"]
+        assert [stored.record.name for stored in PHOTOS.read(stores[project / "FIRST.PHO"])] == ["LEFT", "right"]
 
 
 def test_bundles_too(project: Path) -> None:
     replace_in(project / "orip.toml", '"0.5px"', "0.004")
     assert actions(project) == {("bundle", "MAIN", "changed")}
     with reading([project / "FIRST.EXT"]) as stores:
-        (bundle,) = exterior.read(stores[project / "FIRST.EXT"])
+        (bundle,) = read_bundles(stores[project / "FIRST.EXT"])
     assert bundle.record.measurement_precision.value == 0.004
 
 

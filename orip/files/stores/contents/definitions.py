@@ -62,6 +62,11 @@ class DefinitionTables(Struct, Generic[T], frozen=True):
     table: StoreTable
     lists: Mapping[str, StoreTable]
 
+    @property
+    def tables(self) -> tuple[StoreTable, ...]:
+        """Return all tables."""
+        return (self.table, *self.lists.values())
+
     def read(self, store: Store) -> tuple[StoredRecord[T], ...]:
         """Return all records in the order they were written; none if the store is absent."""
         fields = [record_field for record_field in fields_of(cast(type, self.kind)) if record_field.name in self.lists]

@@ -70,7 +70,6 @@ class OrientationTables(Struct, Generic[Orientation], frozen=True):
 
     Parameters
     ----------
-    kind : type of the records
     table : StoreTable
         Its first column is the name of the photo or template.
     marks : StoreTable
@@ -80,6 +79,11 @@ class OrientationTables(Struct, Generic[Orientation], frozen=True):
     kind: Callable[..., Orientation]
     table: StoreTable
     marks: StoreTable
+
+    @property
+    def tables(self) -> tuple[StoreTable, ...]:
+        """Return both tables."""
+        return self.table, self.marks
 
     def read(self, store: Store) -> dict[str, Orientation]:
         """Return the orientations by the `record_key` of their photo or template, sorted by name."""

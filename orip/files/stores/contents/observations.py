@@ -75,7 +75,6 @@ class PlainObservations(Struct, frozen=True):
 
     Parameters
     ----------
-    photos, points : list of str
     numbers : tuple of bytes
         Those of the arrays of `PhotoObservations`: measured, errors, disregarded.
     """
