@@ -6,6 +6,7 @@ import hashlib
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -80,6 +81,8 @@ class TileStore:
         self._decoded: OrderedDict[str, NDArray[np.uint8]] = OrderedDict()
         self._right: set[tuple[str, tuple[int, int]]] = set()
         self._lock = threading.Lock()
+        # what a decoder gives back stays with its thread: with one for each request memory would be twice as much
+        self._decoder = ThreadPoolExecutor(1, "decoder")
 
     def tile(self, image: StoredImage, name: TileName) -> bytes:
         """Return a tile as JPEG; raise an `InputError` also if there is no such tile."""
@@ -126,7 +129,7 @@ class TileStore:
                 return found[:, columns].copy()
             whole = self._decoded.get(memory)
             if whole is None:
-                whole = read_eight_bits(image.path, image.shown)
+                whole = self._decoder.submit(read_eight_bits, image.path, image.shown).result()
                 if not self._folder.write(file, whole.tobytes()):
                     self._kept(memory, whole.nbytes, lambda: whole)
             return whole[rows, columns].copy()
@@ -136,7 +139,7 @@ class TileStore:
             # room is made first: decoding takes as much once more
             while self._decoded and size + sum(one.nbytes for one in self._decoded.values()) > KEPT_BYTES:
                 self._decoded.popitem(last=False)
-            self._decoded[key] = read()
+            self._decoded[key] = self._decoder.submit(read).result()
         self._decoded.move_to_end(key)
         return self._decoded[key]
 

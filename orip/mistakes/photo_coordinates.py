@@ -328,10 +328,11 @@ def mirrored_alone(block: Block, solution: Solution) -> list[ProjectWarning]:
             continue
         centroid, normal = plane
         least = _BESIDE * float(np.std((ground[own] - centroid) @ normal))
+        there, here = (given[photo] - centroid) @ normal, (found[photo] - centroid) @ normal
+        if abs(here) <= least or there * np.sign(here) >= -least:
+            continue
         beside = (found - centroid) @ normal
         side = np.where(np.abs(beside) > least, np.sign(beside), 0.0)
-        if (given[photo] - centroid) @ normal * side[photo] >= -least:
-            continue
         others = seen @ seen[[photo]].toarray()[0] >= max(_FEWEST_OF_ONE, _SHARED * len(own))
         others[photo] = False
         if others.any() and (side[others] * side[photo] < 0.0).all():

@@ -210,8 +210,10 @@ def _reached(block: Block) -> FloatArray:
     """
     points, count = block.photo_points, len(block.photos)
     sizes = np.array([(np.nan, np.nan) if of.sensor is None else of.sensor.size for of in block.cameras])
+    if np.isnan(sizes).all():
+        return np.full(count, np.inf)
     size = sizes[block.photo_camera[points.photo]]
-    parts = (np.abs(points.xy - size * [-0.5, 0.5]) / size).max(axis=1)
+    parts = np.maximum(*(np.abs(points.xy - size * [-0.5, 0.5]) / size).T)
     reached = np.zeros(count)
     np.maximum.at(reached, points.photo, np.where(np.isfinite(parts), parts, np.inf))
     reached[np.bincount(points.photo, minlength=count) < _FEWEST_POINTS] = np.inf

@@ -21,12 +21,12 @@ from orip.planning.forecast import (
     Forecast,
     design_block,
     forecast,
+    height_for,
     tie_points,
 )
 from orip.planning.geometry import Terrain
 from orip.planning.plan import PlannedFlight, frame_of, plan_flight
 from orip.planning.rings import Object, object_of, plan_rings
-from orip.planning.wanted_precision import height_for
 from orip.records.camera import Camera
 from orip.records.control import Control, ControlPoint, Station
 from orip.records.definition import BundleDefinition

@@ -15,7 +15,7 @@ from orip.records.figures import Terrain
 from orip.records.names import record_key
 from orip.records.photo import Photo, Stage, Template, Temtick
 from orip.records.plan import PlanSettings
-from orip.records.receivers import GnssSettings, ImuSettings
+from orip.records.receivers import GnssSettings, ImuSettings, NetworkSettings
 from orip.records.rig import Rigs
 
 LEVER_ARM: Final = ("LX", "LY", "LZ")
@@ -320,7 +320,13 @@ class ProjectDefinition(Struct, frozen=True):
     test_level: float | None = None
     plan: PlanSettings | None = None
     gnss: GnssSettings | None = None
+    gnss_network: NetworkSettings | None = None
     imu: ImuSettings | None = None
+
+    @property
+    def has_receivers(self) -> bool:
+        """Return whether files of receivers or inertial units are named."""
+        return any(part is not None for part in (self.gnss, self.gnss_network, self.imu))
 
 
 _OTHER: Mapping[Stage, Stage] = {"UPPER": "LOWER", "LOWER": "UPPER"}

@@ -1,4 +1,4 @@
-"""The tables `[gnss]` and `[imu]` of orip.toml: from which files exposure stations are computed, and how."""
+"""The tables `[gnss]`, `[gnss_network]` and `[imu]` of orip.toml: what is computed from which files, and how."""
 
 from __future__ import annotations
 
@@ -76,6 +76,38 @@ class GnssSettings(EventSettings, frozen=True, kw_only=True):
     antex: Annotated[str, Field(example='"igs20.atx"')] = ""
     rover_antenna: Annotated[str, Field(example='"TRM29659.00 NONE"')] = ""
     base_antenna: Annotated[str, Field(example='"TRM29659.00 NONE"')] = ""
+
+
+class NetworkSettings(Struct, frozen=True, kw_only=True):
+    """`[gnss_network]`: observations of receivers that stand, whose marks become control; see `orip gnss network`.
+
+    Parameters
+    ----------
+    marks : tuple of str
+        Observations, a file a mark.
+    orbits : tuple of str
+    hold : str
+        Name of the mark that is held; empty: the first one, at the place in its header.
+    hold_place : tuple of 3 float or None
+        Its geocentric coordinates.
+    elevation : float
+        Least one of satellites.
+    systems : str
+    frequencies : int
+    antex : str
+        Calibrations of antennas; empty: none are applied.
+    """
+
+    marks: Annotated[tuple[str, ...], Field(shortest=2, example='["B1.obs", "B2.obs"]')]
+    orbits: Annotated[tuple[str, ...], Field(shortest=1, example='["flight.nav"]')]
+    hold: Annotated[str, Field(example='"B1"')] = ""
+    hold_place: Annotated[
+        Vector | None, Field(units=_METRES, example="[-3978242.4348, 3382841.1715, 3649902.7667]")
+    ] = None
+    elevation: Annotated[float, Field(least=0, most=60, units=_DEGREES, example="15.0")] = 15.0
+    systems: Annotated[str, Field(shortest=1, longest=5, example='"GREJC"')] = "GREJC"
+    frequencies: Annotated[int, Field(least=1, most=3, example="2")] = 2
+    antex: Annotated[str, Field(example='"igs20.atx"')] = ""
 
 
 class ImuSettings(EventSettings, frozen=True, kw_only=True):

@@ -41,6 +41,7 @@ _REASONS = {
     Fate.WEAK: "weak texture",
     Fate.ALONE: "does not correlate",
     Fate.CONTRADICTS: "contradicts others",
+    Fate.ALIKE: "another place looks alike",
 }
 
 
@@ -114,7 +115,7 @@ def propose(
             faults.append(str(fault))
             continue
         used.append(one)
-        expected.append(Expected(part, at, one.affine))
+        expected.append(Expected(part, at, one.affine, (float(one.along[0]), float(one.along[1])), _width(one)))
         corners.append(corner)
     if not used:
         return [], faults
@@ -126,7 +127,7 @@ def propose(
         off = abs(float(away[0] * one.along[1] - away[1] * one.along[0]))
         error = float(np.sqrt(max(np.linalg.eigvalsh(point.covariance)[-1], 0.0)))
         reason = _REASONS.get(point.fate, "")
-        if not reason and off > max(MOST_OFF, MOST_ERRORS * one.error):
+        if not reason and off > _width(one):
             reason = f"{off:.1f} px off the epipolar line"
         if not reason and checks_back:
             reason = _back(grey, place, other, point)
@@ -140,7 +141,13 @@ def _back(grey: NDArray[np.uint8], place: FloatArray, other: Expected, point: Fo
     inverse = np.linalg.inv(other.affine).astype(np.float64)
     (back,) = find_point(other.grey, point.place, [Expected(grey, place, inverse)])
     away = float(np.linalg.norm(back.place - place))
-    return "" if back.fate == Fate.MATCHED and away <= MOST_BACK else "is not found back from there"
+    is_found = back.fate in {Fate.MATCHED, Fate.ALIKE} and away <= MOST_BACK
+    return "" if is_found else "is not found back from there"
+
+
+def _width(transfer: Transfer) -> float:
+    """Return how far off the epipolar line a point may be."""
+    return max(MOST_OFF, MOST_ERRORS * transfer.error)
 
 
 def _part(store: TileStore, plate: Plate, place: FloatArray) -> tuple[Any, FloatArray, FloatArray]:

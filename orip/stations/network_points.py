@@ -10,7 +10,7 @@ from msgspec import Struct
 from orip.arrays import FloatArray
 from orip.errors import Complaint, InputError, ProjectWarning
 from orip.files.control.covariances_text import parse_covariances
-from orip.files.control.editing import FORMS, read_control_lines
+from orip.files.control.editing import FORMS, ControlLines, read_control_lines
 from orip.files.control.text import points_text
 from orip.files.text.shown import Parsed
 from orip.geometry.ground_ellipsoid import geographic_from_geocentric, place_axes
@@ -35,8 +35,12 @@ class NetworkPoints(Struct, frozen=True):
     warnings: tuple[ProjectWarning, ...]
 
 
-def network_points(state: ProjectState, *, result: NetworkResult, dry_run: bool) -> Change[NetworkPoints]:
+def network_points(
+    state: ProjectState, *, result: NetworkResult, dry_run: bool = False, replaces: bool = False
+) -> Change[NetworkPoints]:
     """Return the change that adds marks to the control points; the one that is held is constant.
+
+    `replaces`: in the place of those that are there.
 
     Raises
     ------
@@ -53,10 +57,11 @@ def network_points(state: ProjectState, *, result: NetworkResult, dry_run: bool)
     points = _points(result, place, error, covariance)
     paths = [project.folder / f"{definition.control_files}.{ending}" for ending in ("PNT", "COV")]
     edited = []
-    for path, text in zip(paths, (points_text(points), _pairs_text(result, covariance)), strict=True):
+    texts = points_text(points), _pairs_text(result, covariance)
+    for path, text, names in zip(paths, texts, (1, 2), strict=True):
         lines = read_control_lines(path, project.shown(path)) if path.exists() else None
-        before = "" if lines is None else lines.text
-        if path == paths[0] and lines is not None:
+        before = "" if lines is None else _without(lines, result.names, names).text if replaces else lines.text
+        if path == paths[0] and lines is not None and not replaces:
             _require_new(lines, result.names, project.shown(path))
         before += "" if before.endswith("\n") or not before else "\n"
         edited.append(EditedText(path, digest_of_text(path), before + text, "the file is unchanged"))
@@ -98,9 +103,16 @@ def _pairs_text(result: NetworkResult, covariance: FloatArray) -> str:
     return "".join(f"{line}\n" for line in lines)
 
 
-def _require_new(lines: object, names: tuple[str, ...], shown: str) -> None:
+def _without(lines: ControlLines, marks: tuple[str, ...], names: int) -> ControlLines:
+    """Return the lines without those that have marks among their first `names` fields."""
+    return lines.without_lines(
+        line.number for line in lines.records() if {field.text for field in line.fields[:names]} & set(marks)
+    )
+
+
+def _require_new(lines: ControlLines, names: tuple[str, ...], shown: str) -> None:
     form = FORMS["points"]
-    there = {form.fields_of(line)[0]: line.number for line in form.records(lines)}  # type: ignore[arg-type]
+    there = {form.fields_of(line)[0]: line.number for line in form.records(lines)}
     complaints = [
         Complaint(f"point '{name}' is there already; remove it, or name the mark otherwise", shown, there[name])
         for name in names if name in there

@@ -1,15 +1,16 @@
-"""Steps of `orip run` and `orip status` where orip.toml has `[gnss]` or `[imu]`: from receivers' files to .STA, .REL.
+"""Steps of `orip run` and `orip status` with `[gnss]`, `[gnss_network]` or `[imu]`: from receivers' files to control.
 
 What they write says what it was made from: a digest of the files and settings, in a comment of `NAME.pos` and of the
-.STA file. A step whose digest is another now is out of date.
+.STA and .PNT files. A step whose digest is another now is out of date.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
+import numpy as np
 from msgspec import Struct
 
 from orip.errors import Complaint, InputError
@@ -19,7 +20,7 @@ from orip.files.text.lines import read_lines
 from orip.files.text.regular_file import file_digest
 from orip.files.text.shown import Parsed
 from orip.records.epochs import Epochs
-from orip.records.receivers import EventSettings, GnssSettings, ImuSettings
+from orip.records.receivers import EventSettings, GnssSettings, ImuSettings, NetworkSettings
 from orip.stations.exposures import Matching
 from orip.stations.imported import ImportedStations, ImportFiles, ImportSettings, import_stations, read_epochs
 from orip.structs import replace
@@ -28,6 +29,8 @@ from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.run_id import Step
 from orip.workflow.project.state import ProjectState
 from orip.workflow.records.initialise import INITIALISED_FROM
+
+T = TypeVar("T")
 
 _MARK = "orip run, from"
 """Before the digest of what an output was made from."""
@@ -45,7 +48,7 @@ class _Task(Struct, frozen=True):
 
     command: str
     files: tuple[Path, ...]
-    settings: GnssSettings | ImuSettings
+    settings: GnssSettings | ImuSettings | NetworkSettings
     output: Path
 
 
@@ -76,10 +79,12 @@ def process_stations(state: ProjectState) -> Iterator[Processed]:
     for task in _tasks(state.project):
         if task.output.exists() and _made_from(task.output) == _digest(task):
             continue
-        if isinstance(task.settings, GnssSettings) and task.output == solution_of_project(state.project):
+        if isinstance(task.settings, NetworkSettings):
+            yield _marks(state.read_again(*INITIALISED_FROM), task, task.settings)
+        elif isinstance(task.settings, GnssSettings) and task.output == solution_of_project(state.project):
             yield _positions(state.project, task, task.settings)
         else:
-            yield _stations(state.read_again(*INITIALISED_FROM), task)
+            yield _stations(state.read_again(*INITIALISED_FROM), task, task.settings)
 
 
 def solution_of_project(project: ProjectFolder) -> Path:
@@ -88,7 +93,11 @@ def solution_of_project(project: ProjectFolder) -> Path:
 
 
 def _tasks(project: ProjectFolder) -> Iterator[_Task]:
-    gnss, imu = project.definition.gnss, project.definition.imu
+    gnss, imu, network = project.definition.gnss, project.definition.imu, project.definition.gnss_network
+    if network is not None:
+        names = (*network.marks, *network.orbits, *([network.antex] if network.antex else []))
+        points = project.folder / f"{project.definition.control_files}.PNT"
+        yield _Task("orip gnss network", tuple(project.folder / name for name in names), network, points)
     stations = project.folder / f"{project.definition.control_files}.STA"
     solution = solution_of_project(project)
     if gnss is not None:
@@ -143,17 +152,44 @@ def _positions(project: ProjectFolder, task: _Task, settings: GnssSettings) -> P
     return Processed("gnss", f"{len(solution)} positions, {fixed} fixed, in {project.shown(task.output)}")
 
 
-def _stations(state: ProjectState, task: _Task) -> Processed:
+def _marks(state: ProjectState, task: _Task, settings: NetworkSettings) -> Processed:
+    """Write the marks of a network into the control points, in the place of those that were written before."""
+    from orip.stations.gnss.network_processing import process_network
+    from orip.stations.gnss.processing import GnssFiles
+    from orip.stations.network_points import network_points
+
+    project, place = state.project, settings.hold_place
+    if bool(settings.hold) != (place is not None):
+        message = "hold and hold_place of [gnss_network] belong together: the name and the place of the mark"
+        raise InputError([Complaint(message, project.shown(project.text))])
+    marks, orbits = task.files[: len(settings.marks)], task.files[len(settings.marks) :][: len(settings.orbits)]
+    files = GnssFiles(
+        marks[0], marks[0], orbits, "static", elevation=settings.elevation, systems=settings.systems,
+        frequencies=settings.frequencies, antex=project.folder / settings.antex if settings.antex else None,
+    )  # fmt: skip
+    result = process_network(list(marks), None if place is None else (settings.hold, np.array(place)), files)
+    # marks that stand there without having been computed are somebody's
+    replaces = task.output.exists() and _made_from(task.output) is not None
+    outcome = commit(_with_digest(network_points(state, result=result, replaces=replaces), task)).outcome
+    baselines = len(result.pairs)
+    return Processed("network", f"{len(result.names)} marks by {baselines} baselines in {', '.join(outcome.files)}")
+
+
+def _stations(state: ProjectState, task: _Task, settings: GnssSettings | ImuSettings) -> Processed:
     """Write stations, and with an inertial unit the differences between them."""
-    settings = task.settings
     change = _smoothed(state, task, settings) if isinstance(settings, ImuSettings) else _imported(state, settings)
+    outcome = commit(_with_digest(change, task)).outcome
+    relative = ", with the differences between them" if isinstance(settings, ImuSettings) else ""
+    return Processed("stations", f"{len(outcome.stations)} in {outcome.shown}{relative}")
+
+
+def _with_digest(change: Change[T], task: _Task) -> Change[T]:
+    """Return a change whose output says what it was made from."""
     texts = tuple(
         replace(text, text=_marked(text.text, _digest(task))) if text.path == task.output else text
         for text in change.edited_texts
     )
-    outcome = commit(replace(change, edited_texts=texts)).outcome
-    relative = ", with the differences between them" if isinstance(settings, ImuSettings) else ""
-    return Processed("stations", f"{len(outcome.stations)} in {outcome.shown}{relative}")
+    return replace(change, edited_texts=texts)
 
 
 def _marked(text: str, digest: str) -> str:

@@ -104,8 +104,7 @@ def run(
 
 def _with_stations(state: ProjectState, watcher: RunWatcher) -> ProjectState:
     """Return the state with exposure stations computed from the files of receivers and inertial units."""
-    definition = state.project.definition
-    if definition.gnss is None and definition.imu is None:
+    if not state.project.definition.has_receivers:
         return state
     is_changed = False
     for label, text in annex(STATION_STEPS).process_stations(state):

@@ -114,8 +114,7 @@ def _stations(state: ProjectState) -> Iterator[tuple[str, int]]:
 
 
 def _station_steps(state: ProjectState) -> list[Step]:
-    definition = state.project.definition
-    if definition.gnss is None and definition.imu is None:  # few projects have files of receivers
+    if not state.project.definition.has_receivers:  # few projects have files of receivers
         return []
     return list(annex(STATION_STEPS).station_steps(state))
 

@@ -8,7 +8,7 @@ A block is fenced with three backticks. It is
 - **a file**, if it has a ``:caption:`` (``{code-block} toml``), or if the paragraph before it begins with the file's
   name: ```FIRST.PNT` -- ground control``.
 
-A comment ``<!-- $ command -->`` is run too, and not shown.
+A comment ``<!-- $ command -->`` is run too, and not shown. Files of a page that is included are written as well.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ DOCS = REPOSITORY / "docs"
 _FENCE = re.compile(r"^```(?:\{code-block\} *)?([\w-]*) *$")
 _CAPTION = re.compile(r"^:caption: +(\S+)$")
 _NAMED = re.compile(r"^`([^`/ ]+\.[A-Za-z]+)` --")
+_INCLUDED = re.compile(r"^```\{include\} (\S+)$")
 _HIDDEN = re.compile(r"^<!-- \$ (.+) -->$")
 _PROMPT = "$ "
 
@@ -81,7 +82,10 @@ def steps(page: Path) -> Iterator[Step]:
     lines: list[str] = []
     start = 0
     for number, line in enumerate(page.read_text(encoding="utf-8").splitlines(), start=1):
-        if language:
+        if included := _INCLUDED.match(line):
+            yield from (step for step in steps(page.parent / included[1]) if step.file)
+            language, lines = "include", []
+        elif language:
             if line == "```":
                 yield from _block(language, caption, lines, start)
                 language = ""

@@ -9,7 +9,7 @@ from cli.command_line import orip
 from planning.test_plan_commands import project
 
 from orip.errors import InputError
-from orip.planning.wanted_precision import height_for
+from orip.planning.forecast import height_for
 
 
 @pytest.mark.parametrize("first", [0.5, 40.0, 9000.0])

@@ -99,10 +99,12 @@ def observed(
     deviation: tuple[float, float, float] = (0.02, 0.02, 0.04),
     scale: float = 1.0,
     speed: float = 0.0,
+    late: float = 0.0,
 ) -> tuple[ImuSamples, Fixes]:
     """Return samples and fixes of a flight; `scale` of the true noise of the unit to that said.
 
-    With the standard deviation of a `speed`, m/s, the fixes have the velocity of the antenna.
+    With the standard deviation of a `speed`, m/s, the fixes have the velocity of the antenna, that of the time by which
+    they are `late`.
     """
     step = float(np.diff(truth.time).mean())
     count = len(truth.time)
@@ -125,9 +127,10 @@ def observed(
     covariance = np.broadcast_to(np.diag(np.square(deviation)), (len(at), 3, 3)).copy()
     velocity, known = np.full((len(at), 3), np.nan), np.full((len(at), 3), speed or np.nan)
     if speed:
-        turning = truth.rate[at] - np.einsum("nji,j->ni", truth.rotation[at], EARTH)
-        swing = np.einsum("nij,nj->ni", truth.rotation[at], np.cross(turning, LEVER_ARM))
-        velocity = truth.velocity[at] + swing + speed * random.standard_normal((len(at), 3))
+        then = at - round(late / step)
+        turning = truth.rate[then] - np.einsum("nji,j->ni", truth.rotation[then], EARTH)
+        swing = np.einsum("nij,nj->ni", truth.rotation[then], np.cross(turning, LEVER_ARM))
+        velocity = truth.velocity[then] + swing + speed * random.standard_normal((len(at), 3))
     return imu, Fixes(truth.time[at], place, covariance, velocity, known)
 
 

@@ -124,6 +124,32 @@ def test_a_time_offset_is_told_from_a_lever_arm(truth, late):
     assert deviation < 0.005
 
 
+@pytest.mark.parametrize("late", [0.12, -0.1])
+def test_velocities_of_another_time_are_found(truth, late):
+    imu, fixes = observed(truth, MEMS, np.random.default_rng(5), speed=0.05, late=late)
+    found = solved(imu, fixes, estimates=True)
+    common = common_errors(found)
+    value, deviation = common.delay
+    assert abs(value - late) < 4.0 * deviation
+    assert deviation < 0.01
+    assert found.graph.delay == pytest.approx(value, abs=0.002)
+    assert (common.shift, common.lever_arm) == (None, None)
+    assert found.trajectory.factors.velocity == pytest.approx(1.0, abs=0.25)
+    (warning,) = findings(found, filter_as(found), NAMED)
+    assert warning.code == "velocity-delay"
+    # as given: it is said, and nothing else is made of it
+    given = solved(imu, fixes)
+    assert given.graph.delay == 0.0
+    assert common_errors(given).delay[0] == pytest.approx(late, abs=0.02)
+
+
+def test_velocities_in_time_stay_as_they_are(truth):
+    for seed in range(4):
+        found = solved(*observed(truth, MEMS, np.random.default_rng(30 + seed), speed=0.05), estimates=True)
+        assert found.graph.delay == 0.0
+        assert common_errors(found).delay is None
+
+
 def test_forward_axes_that_do_not_go_forward_are_said(truth):
     imu, fixes = observed(truth, MEMS, np.random.default_rng(3))
     for yaw, side in ((90.0, "left"), (-90.0, "right")):

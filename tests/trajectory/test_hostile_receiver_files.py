@@ -154,6 +154,12 @@ def test_receivers_of_another_century_sky_or_kind(receivers, tmp_path):
     is_one_answer(orip(folder, "gnss", BASE, ROVER, ORBITS), folder, before)  # a baseline the other way round
 
 
+def test_a_solution_without_positions(flown, tmp_path):
+    folder = Path(shutil.copytree(flown, tmp_path / "f"))
+    (folder / "flight.pos").write_text((flown / "flight.pos").read_text()[:51])
+    refused(folder, "there are no positions in this file", "imu", "imu.csv", "flight.pos", LEVER)
+
+
 def one_epoch(folder: Path) -> bool:
     lines = (folder / ROVER).read_text().splitlines(keepends=True)
     second = [at for at, line in enumerate(lines) if line.startswith(" 05  4  2")][1]

@@ -129,6 +129,47 @@ def test_the_network_becomes_control_points(project):
     assert (project / "N.PNT").read_bytes() == before
 
 
+def test_the_network_is_a_step_of_a_run(project, tmp_path):
+    folder = tmp_path / "run"
+    shutil.copytree(project, folder)
+    (folder / "N.COV").unlink(missing_ok=True)
+    (folder / "N.PNT").write_text("! control\nOLD 1 2 3 0.1 0.1 0.1\n")
+    text = (
+        'project = { name = "N", crs = "EPSG:32654" }\n'
+        f'gnss_network = {{ marks = ["{BASE}", "{ROVER}", "low.obs"], orbits = ["{ORBITS}"] }}\n'
+    )
+
+    def state() -> str:
+        steps = orip(folder, "status", "--json").document["steps"]
+        (found,) = [step["state"] for step in steps if step["command"] == "orip gnss network"]
+        return str(found)
+
+    def names() -> list[str]:
+        lines = (folder / "N.PNT").read_text().splitlines()
+        return [line.split()[0] for line in lines if not line.startswith("!")]
+
+    (folder / "orip.toml").write_text(text)
+    assert state() == "missing"
+    said = orip(folder, "run")
+    assert "network  3 marks by 3 baselines in N.PNT, N.COV" in said.err, said.err
+    assert names() == ["OLD", "3040", "0759", "LOW"]
+    assert state() == "up to date"
+    assert "baselines" not in orip(folder, "run").err
+    (folder / "orip.toml").write_text(text.replace("orbits =", "elevation = 20.0, orbits ="))
+    assert state() == "out of date"
+    assert "3 marks by 3 baselines" in orip(folder, "run").err
+    assert names() == ["OLD", "3040", "0759", "LOW"]
+    assert len((folder / "N.COV").read_text().splitlines()) == 1
+    assert state() == "up to date"
+    # a mark that somebody wrote is not replaced
+    (folder / "N.PNT").write_text("3040 1 2 3 0.1 0.1 0.1\n")
+    before = (folder / "N.PNT").read_bytes()
+    assert "point '3040' is there already" in orip(folder, "run").err
+    assert (folder / "N.PNT").read_bytes() == before
+    (folder / "orip.toml").write_text(text.replace("orbits =", 'hold = "3040", orbits ='))
+    assert "hold and hold_place of [gnss_network] belong together" in orip(folder, "run").err
+
+
 def test_what_is_wrong_with_a_network_is_said(project):
     before = (project / "N.PNT").read_bytes()
     for words, text in [

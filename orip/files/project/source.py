@@ -17,7 +17,7 @@ from orip.records.definition import Antenna, BundleDefinition, ReportDetails, St
 from orip.records.figures import Terrain
 from orip.records.photo import Photo, Template, Temtick
 from orip.records.plan import PlanSettings
-from orip.records.receivers import GnssSettings, ImuSettings
+from orip.records.receivers import GnssSettings, ImuSettings, NetworkSettings
 from orip.records.rig import Rig, RigExposure
 
 Record = TypeVar("Record")
@@ -50,6 +50,7 @@ class ProjectSource(Struct):
     report: ReportDetails = field(default_factory=ReportDetails)
     plan: PlanSettings | None = None
     gnss: GnssSettings | None = None
+    gnss_network: NetworkSettings | None = None
     imu: ImuSettings | None = None
     cameras: list[Located[Camera]] = field(default_factory=list)
     temticks: list[Located[Temtick]] = field(default_factory=list)
@@ -76,6 +77,8 @@ def project_source(document: Mapping[str, Any]) -> ProjectSource:
     source.report = _single(document, "report", ReportDetails, source) or ReportDetails()
     source.plan = _single(document, "plan", PlanSettings, source) if "plan" in document else None
     source.gnss = _single(document, "gnss", GnssSettings, source) if "gnss" in document else None
+    if "gnss_network" in document:
+        source.gnss_network = _single(document, "gnss_network", NetworkSettings, source)
     source.imu = _single(document, "imu", ImuSettings, source) if "imu" in document else None
     source.cameras = _records(document, "camera", Camera, source)
     source.temticks = _records(document, "temtick", Temtick, source)

@@ -34,10 +34,10 @@ from orip.records.fields import Field, Part, RecordField, fields_by_key, without
 # carries an example; messages about a wrong value show it. What concerns several records together is looked at in
 # `checks`.
 
-SINGLE_SECTIONS = ("project", "check", "report", "plan", "gnss", "imu")
+SINGLE_SECTIONS = ("project", "check", "report", "plan", "gnss", "gnss_network", "imu")
 RECORD_SECTIONS = ("camera", "temtick", "template", "photo", "antenna", "terrain", "rig", "exposure", "bundle")
 SECTIONS = (*SINGLE_SECTIONS, *RECORD_SECTIONS)
-"""Tables of orip.toml; all but the first six may come several times."""
+"""Tables of orip.toml; all but `SINGLE_SECTIONS` may come several times."""
 
 
 class ProjectTable(Struct, frozen=True):

@@ -42,6 +42,7 @@ class Fate(IntEnum):
     WEAK = 5
     ALONE = 6
     CONTRADICTS = 7
+    ALIKE = 8
 
 
 class Windows(Struct, frozen=True):

@@ -26,6 +26,12 @@ _STEP = 1.2
 _LEAST_PEAK = 0.6
 """Correlation from which on what was found is matched."""
 
+_APART = 3
+"""Pixels from the highest peak of the correlation beyond which another one is of another place."""
+
+_LEAST_LEAD = 0.05
+"""Of the highest peak before those of other places: with less, nothing but the neighbours says which is the point."""
+
 
 class Expected(Struct, frozen=True):
     """Where a photo is expected to show the point.
@@ -38,11 +44,17 @@ class Expected(Struct, frozen=True):
         Column and row from the outer corner of the upper left pixel.
     affine : ndarray (2, 2)
         From pixels of the photo that shows the point to pixels of this one.
+    along : tuple of 2 float
+        Unit vector of the epipolar line.
+    width : float
+        How far off it the point may be, pixels.
     """
 
     grey: NDArray[np.uint8]
     place: NDArray[np.float64]
     affine: NDArray[np.float64]
+    along: tuple[float, float] = (1.0, 0.0)
+    width: float = np.inf
 
 
 class Transfer(Struct, frozen=True):
@@ -107,7 +119,7 @@ def find_point(
     starts = [_searched(grey, place, other) for other in others]
     rays = [
         (grey, place, np.eye(2)),
-        *((one.grey, start, one.affine) for one, (start, _) in zip(others, starts, strict=True)),
+        *((one.grey, start, one.affine) for one, (start, *_) in zip(others, starts, strict=True)),
     ]
     middles = [np.floor(at) for _, at, _ in rays]
     windows = Windows(
@@ -122,11 +134,13 @@ def find_point(
     back = matched.affine @ np.linalg.inv(matched.affine[0])
     places = matched.centre + matched.affine @ in_patch
     found = []
-    for ray, (_, peak) in enumerate(starts, start=1):
+    for ray, (_, peak, lead) in enumerate(starts, start=1):
         covariance = matched.covariance[ray] + back[ray] @ matched.covariance[0] @ back[ray].T
         fate = Fate(int(matched.fate[ray]))
         if fate == Fate.MATCHED and peak < _LEAST_PEAK:
             fate = Fate.CORRELATION
+        if fate == Fate.MATCHED and lead < _LEAST_LEAD:
+            fate = Fate.ALIKE
         if fate == Fate.MATCHED and matched.fate[0] != Fate.MATCHED:
             fate = Fate(int(matched.fate[0]))
         at = places[ray] + middles[ray] - HALF + 0.5
@@ -136,17 +150,22 @@ def find_point(
 
 def _searched(
     grey: NDArray[np.uint8], place: NDArray[np.float64], other: Expected
-) -> tuple[NDArray[np.float64], float]:
-    """Return where another photo correlates best with the patch around a place, and how well."""
+) -> tuple[NDArray[np.float64], float, float]:
+    """Return where another photo correlates best with the patch around a place, how well, and how much better there."""
     import cv2
 
     reach = SEARCHED + _PATCH
     patch = _resampled(grey, place, np.eye(2), _PATCH)
     around = _resampled(other.grey, other.place, other.affine, reach)
     scores: Any = cv2.matchTemplate(around, patch, cv2.TM_CCOEFF_NORMED)
-    row, column = np.unravel_index(int(np.argmax(scores)), scores.shape)
-    offset = np.array([column, row], dtype=np.float64) - SEARCHED
-    return other.place + other.affine @ offset, float(scores[row, column])
+    columns, rows = np.meshgrid(*(2 * [np.arange(-SEARCHED, SEARCHED + 1.0)]))
+    across, down = other.affine @ [columns.ravel(), rows.ravel()]
+    off = (across * other.along[1] - down * other.along[0]).reshape(scores.shape)
+    is_peak = (scores == cv2.dilate(scores, np.ones((2 * _APART - 1, 2 * _APART - 1)))) & (np.abs(off) <= other.width)
+    at = np.unravel_index(int(np.argmax(np.where(is_peak, scores, -1.0) if is_peak.any() else scores)), scores.shape)
+    is_peak &= np.maximum(np.abs(columns - columns[at]), np.abs(rows - rows[at])) > _APART
+    lead = float(scores[at] - scores[is_peak].max(initial=-1.0))
+    return other.place + other.affine @ [columns[at], rows[at]], float(scores[at]), lead
 
 
 def _resampled(

@@ -13,7 +13,7 @@ from orip.images.matching.patches import PatchGrid, Sampled, Template, partials
 REACH = 9
 """Places of the patch over which noise is correlated, by interpolation, by smoothing and by JPEG."""
 
-HIDDEN_NOISE = 0.4
+HIDDEN_NOISE = 0.3
 """Grey values: what whole grey values, interpolation and JPEG add that residuals do not show, from rendered photos."""
 _ROUNDS = 4
 _OF_MANY = 150

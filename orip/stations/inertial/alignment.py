@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import numpy as np
 from msgspec import Struct
-from scipy.spatial.transform import Rotation
 
 from orip.arrays import FloatArray
 from orip.geometry.frames import EARTH_RATE
@@ -82,7 +81,7 @@ def _by_movement(observed: Observed, moving: int) -> Alignment:
     change_b, change_n, squares = [], [], 0.0
     for at in range(first, len(fixes.time) - 1):
         begin, end = float(fixes.time[at]), float(fixes.time[at + 1])
-        integral, turned = _integrated(imu, begin, end, bias, turned)
+        integral, turned = imu.integrated(begin, end, bias, turned)
         if not np.isfinite(velocity[[at, at + 1]]).all():
             continue
         difference = velocity[at + 1] - velocity[at]
@@ -130,23 +129,10 @@ def _standing_bias(imu: ImuSamples, begin: float, end: float) -> FloatArray:
     return mean if float(np.abs(mean).max()) > _MEMS_RATE else np.zeros(3)
 
 
-def _integrated(
-    imu: ImuSamples, begin: float, end: float, bias: FloatArray, turned: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the integrated force along the axes of the beginning, and how the body stands to them at the end."""
-    force, rate, duration = imu.pieces(begin, end)
-    integral = np.zeros(3)
-    for part, turn, step in zip(force, rate - bias, duration, strict=True):
-        half = Rotation.from_rotvec(turn * step / 2.0).as_matrix()
-        integral = integral + turned @ half @ part * step
-        turned = turned @ half @ half
-    return integral, turned
-
-
 def _turned_between(imu: ImuSamples, begin: float, end: float, bias: FloatArray) -> FloatArray:
     if end <= begin:
         return np.eye(3)
-    return _integrated(imu, begin, end, bias, np.eye(3))[1]
+    return imu.integrated(begin, end, bias)[1]
 
 
 def _fitted(body: FloatArray, frame: FloatArray, squares: float) -> tuple[FloatArray, float]:

@@ -20,9 +20,9 @@ from orip.stations.inertial.samples import ImuNoise
 from orip.stations.inertial.solution import Solved
 
 _LEAST_REDUNDANCY, _CHANCE = 20.0, 0.001
-"""Of a group whose factor is estimated; with less, it is where vPv is that improbable."""
+"""Of a group whose factor is estimated; with less, it is where vPv is that improbable by what was given."""
 
-_SLOWEST = 0.75
+_SLOWEST = 0.9
 """Largest ratio of successive changes of logarithms that is believed."""
 
 
@@ -58,7 +58,7 @@ def estimated_factors(solved: Solved, white: FloatArray) -> Factors:
     share = scale * (root @ white @ np.swapaxes(root, 1, 2))
     square_sum = np.einsum("ki,tkij,kj->t", residual, share, residual)
     redundancy = np.einsum("tkij,kji->t", share, covariance)
-    both = _factor(float(square_sum.sum()), float(redundancy.sum()))
+    both = _factor(float(square_sum.sum()), float(redundancy.sum()), factors.gyro)
     own = np.sqrt(square_sum / np.maximum(redundancy, _LEAST_REDUNDANCY))
     unit = np.where((redundancy > _LEAST_REDUNDANCY) & (own > 0.0), own, both)
     return Factors(float(unit[0]), float(unit[1]), *_receiver_factors(solved))
@@ -76,20 +76,25 @@ def _receiver_factors(solved: Solved) -> tuple[float, float]:
     has = np.isfinite(fixes.velocity).all(axis=1) & np.isfinite(fixes.velocity_deviation).all(axis=1)
     known = np.diagonal(trajectory.velocity_covariance[states[has]], axis1=1, axis2=2)
     speed = 3.0 * int(has.sum()) - float((known / fixes.velocity_deviation[has] ** 2).sum())
-    return _factor(sums["position"], place), _factor(sums["velocity"], speed)
+    factors = solved.graph.factors
+    return _factor(sums["position"], place, factors.position), _factor(sums["velocity"], speed, factors.velocity)
 
 
-def _factor(square_sum: float, redundancy: float) -> float:
-    """Return the factor of a group; 1 where its redundancy is too small for another."""
+def _factor(square_sum: float, redundancy: float, before: float) -> float:
+    """Return the factor of a group, beside that before; 1 where its redundancy is too small to leave what was given."""
     if square_sum <= 0.0 or redundancy <= 0.0:
         return 1.0
     chance = min(chi2.sf(square_sum, redundancy), chi2.cdf(square_sum, redundancy))
-    is_known = redundancy > _LEAST_REDUNDANCY or chance < _CHANCE
+    is_known = redundancy > _LEAST_REDUNDANCY or chance < _CHANCE or before != 1.0
     return float(np.sqrt(square_sum / redundancy)) if is_known else 1.0
 
 
 def accelerated(change: Factors, before: Factors) -> Factors:
-    """Return a change of the factors with those that would follow it, as it follows the one before (Aitken)."""
+    """Return a change of the factors with those that would follow it, as it follows the one before (Aitken).
+
+    One that is larger than the one before, or goes back, is taken as it is.
+    """
     now, last = (np.log(np.array(astuple(part))) for part in (change, before))
-    ratio = np.clip(np.divide(now, last, out=np.zeros(4), where=last != 0.0), 0.0, _SLOWEST)
+    ratio = np.divide(now, last, out=np.zeros(4), where=last != 0.0)
+    ratio = np.where((ratio > 0.0) & (ratio < 1.0), np.minimum(ratio, _SLOWEST), 0.0)
     return Factors(*np.exp(now / (1.0 - ratio)).tolist())

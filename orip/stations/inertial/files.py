@@ -32,6 +32,9 @@ _FASTEST_RATE = 35.0
 _LARGEST_FORCE = 2000.0
 """m/s², 200 g: beyond the range of every unit on a vehicle."""
 
+_LARGEST = 1e12
+"""Beyond any time or measurement; its square is still a number."""
+
 _LEAST_SAMPLES = 100
 _LONGEST_GAP = 0.2
 
@@ -73,6 +76,8 @@ def read_imu(path: Path, shown: str, form: ImuForm) -> Parsed[ImuSamples]:
         complaints += more
     if not complaints:
         complaints += _impossible(table, shown)
+    if complaints:
+        table = table[:0]
     turn = Rotation.from_euler("ZYX", form.mount[::-1], degrees=True).as_matrix()
     samples = ImuSamples(table[:, 0] + form.shift, table[:, 1:4] @ turn.T, table[:, 4:7] @ turn.T)
     return Parsed(samples, tuple(complaints))
@@ -105,8 +110,9 @@ def _table(data: bytes, shown: str, form: ImuForm) -> tuple[FloatArray, list[Com
             break
     found = np.array(rows).reshape(len(rows), len(names))
     picked = np.column_stack([found[:, names.index(name)] for name in COLUMNS])
-    picked[:, 1:4] *= FORCE_UNITS[form.force]
-    picked[:, 4:7] *= RATE_UNITS[form.rate]
+    with np.errstate(over="ignore"):  # such numbers are named later
+        picked[:, 1:4] *= FORCE_UNITS[form.force]
+        picked[:, 4:7] *= RATE_UNITS[form.rate]
     return picked, complaints
 
 
@@ -123,8 +129,8 @@ def _impossible(table: FloatArray, shown: str) -> list[Complaint]:
     """Say what cannot be the samples of a unit: times, and the size of forces and rates in their units."""
     if len(table) < _LEAST_SAMPLES:
         return [Complaint(f"there are {len(table)} samples; at least {_LEAST_SAMPLES} are needed", shown)]
-    if not np.isfinite(table).all():
-        return [Complaint("there are numbers that are not finite", shown)]
+    if not (np.abs(table) < _LARGEST).all():
+        return [Complaint("there are numbers that are not finite, or larger than anything that is measured", shown)]
     found = []
     steps = np.diff(table[:, 0])
     if (steps <= 0.0).any():

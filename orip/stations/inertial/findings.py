@@ -20,6 +20,9 @@ _LEAST_CHANGE = 1.0
 """m/s of horizontal velocity changes without which no course is found."""
 
 _LARGEST_FACTOR, _SUSPICIOUS_FACTOR = 100.0, 8.0
+_LEAST_REDUNDANCY = 3.0
+"""With which noise six times as large is found with a probability of 0.9 or so."""
+
 _ERROR_PROBABILITY = 0.01
 """That any fix of a flight is called wrong which is right."""
 
@@ -63,12 +66,27 @@ def findings(solved: Solved, filtered: Filtered, named: Named) -> Iterator[Proje
         )
         yield ProjectWarning("unit-contradicts", named.imu, text)
         return
+    graph = solved.graph
+    yield from _untested(solved, named)
     for code, text in said_of_common_errors(
-        common_errors(solved), named.shift, solved.graph.observed.lever_arm.tolist()
+        common_errors(solved), named.shift, graph.observed.lever_arm.tolist(), is_corrected=graph.delay != 0.0
     ):
         yield ProjectWarning(code, named.imu if code == "time-offset" else named.positions, text)
     yield from _wrong_fixes(solved, filtered, named)
     yield from _mounting(trajectory, named)
+
+
+def _untested(solved: Solved, named: Named) -> Iterator[ProjectWarning]:
+    """Say where nothing shows whether the unit is as precise as was given, on which standard deviations rest."""
+    if solved.trajectory.factors.unit != 1.0:
+        return
+    redundancy = solved.unit_redundancy()
+    if redundancy < _LEAST_REDUNDANCY:
+        text = (
+            f"whether the unit is as precise as --noise says is not tested: its samples have a redundancy of "
+            f"{redundancy:.1f} beside these positions; the standard deviations of attitudes are as good as --noise"
+        )
+        yield ProjectWarning("noise-untested", named.imu, text)
 
 
 def fix_statistics(solved: Solved, filtered: Filtered) -> FloatArray:

@@ -27,8 +27,6 @@ _INTEGRATION = 1e-10
 SIZES = {"x": 6, "v": 3, "b": 6}
 """Unknowns of pose, velocity and biases of a state, in their order."""
 
-_SETTLED = 1.05
-
 
 class Factors(Struct, frozen=True):
     """Of the standard deviations said, by which the observations ask for others: variance components.
@@ -55,10 +53,9 @@ class Factors(Struct, frozen=True):
         """Return the larger of those of the inertial unit."""
         return max(self.gyro, self.accelerometer)
 
-    @property
-    def are_settled(self) -> bool:
-        """Return whether none asks for a change that matters."""
-        return all(1.0 / _SETTLED < factor < _SETTLED for factor in astuple(self))
+    def are_within(self, limit: float) -> bool:
+        """Return whether all are between a limit and its inverse."""
+        return all(1.0 / limit < factor < limit for factor in astuple(self))
 
 
 def load_gtsam() -> Any:
@@ -93,6 +90,8 @@ class Graph:
     alignment : Alignment
     stands : array (k,) of bool
         States in which the velocity is observed to be zero.
+    delay : float
+        By which the velocities of the receiver are those of an earlier time, s.
     """
 
     def __init__(
@@ -103,8 +102,9 @@ class Graph:
         factors: Factors,
         alignment: Alignment,
         stands: BoolArray,
+        delay: float = 0.0,
     ) -> None:
-        self.gtsam, self.stands = load_gtsam(), stands
+        self.gtsam, self.stands, self.delay = load_gtsam(), stands, delay
         self.observed, self.times, self.fix, self.factors, self.alignment = observed, times, fix, factors, alignment
         given = observed.fixes
         self.fixes = replace(
@@ -118,7 +118,7 @@ class Graph:
         )
         symbol = self.gtsam.symbol_shorthand
         self.x, self.v, self.b = symbol.X, symbol.V, symbol.B
-        self._swing = np.cross(observed.imu.mean_rates(given.time), observed.lever_arm)
+        self._ahead = _ahead(observed, delay)
 
     def first_values(self) -> Any:
         """Return values of the first state."""
@@ -181,7 +181,8 @@ class Graph:
     def fix_factors(self, at: int, rotation: FloatArray) -> list[tuple[str, Any]]:
         """Return what the receiver says of a state, and that it stands.
 
-        The velocity of the antenna is taken to the unit with an attitude (3, 3): its error hardly matters there.
+        The velocity of the antenna is taken to the unit, and ahead by its delay, with an attitude (3, 3): its error
+        hardly matters there.
         """
         gtsam, fixes, row = self.gtsam, self.fixes, int(self.fix[at])
         factors: list[tuple[str, Any]] = []
@@ -194,7 +195,8 @@ class Graph:
         factors.append(("position", gtsam.GPSFactorArm(self.x(at), fixes.place[row], self.observed.lever_arm, model)))
         if np.isfinite(fixes.velocity[row]).all() and np.isfinite(fixes.velocity_deviation[row]).all():
             sigmas = gtsam.noiseModel.Diagonal.Sigmas(fixes.velocity_deviation[row])
-            velocity = fixes.velocity[row] - rotation @ self._swing[row]
+            gain = self.observed.gravity.at(fixes.place[row]) * self.delay
+            velocity = fixes.velocity[row] + rotation @ self._ahead[row] + gain
             factors.append(("velocity", gtsam.PriorFactorVector(self.v(at), velocity, sigmas)))
         return factors
 
@@ -207,6 +209,24 @@ class Graph:
             rotation = values.atPose3(self.x(at)).rotation().matrix()
             factors += [*self.unit_factors(at, pim), *self.fix_factors(at, rotation)]
         return factors
+
+
+def _ahead(observed: Observed, delay: float) -> FloatArray:
+    """Return specific force integrated over a delay, less the movement of the antenna about the unit before it (m, 3).
+
+    Both are along the axes that the body has at the fixes. Biases are not taken off: in so short a time they make less
+    than velocities of a receiver are good for.
+    """
+    imu, now = observed.imu, observed.fixes.time
+    then = np.clip(now - delay, imu.time[0], imu.time[-1])
+    swing = np.cross(imu.mean_rates(then), observed.lever_arm)
+    if not delay:
+        return -swing
+    found = np.empty_like(swing)
+    for row, (begin, end) in enumerate(zip(then, now, strict=True)):
+        force, turned = imu.integrated(min(begin, end), max(begin, end))
+        found[row] = turned.T @ (force - swing[row]) if delay > 0.0 else -force - turned @ swing[row]
+    return found
 
 
 def _first_velocity(fixes: Fixes) -> FloatArray:

@@ -63,6 +63,8 @@ def process_imu(files: ImuFiles) -> ImuResult:
     imu_read = read_imu(files.imu, files.imu.name, files.form)
     positions_read = read_rtklib_pos(files.positions, files.positions.name)
     complaints = [*imu_read.complaints, *positions_read.complaints]
+    if not complaints and not len(positions_read.value):
+        complaints.append(Complaint("there are no positions in this file", files.positions.name))
     if complaints:
         raise InputError(complaints)
     positions = positions_read.value

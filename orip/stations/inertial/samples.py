@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from msgspec import Struct
+from scipy.spatial.transform import Rotation
 
 from orip.arrays import FloatArray
 from orip.geometry.frames import EARTH_RATE
@@ -39,6 +40,22 @@ class ImuSamples(Struct, frozen=True):
         ]
         force, rate = ((part[1:] + part[:-1]) / 2.0 for part in values)
         return force, rate, np.diff(times)
+
+    def integrated(
+        self, begin: float, end: float, bias: FloatArray | None = None, turned: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the integrated force (3,) and how the body stands at the end (3, 3), along the axes of the beginning.
+
+        `bias` of the gyroscopes is taken off; with `turned` (3, 3) the axes are others, to which it takes those of the
+        beginning.
+        """
+        force, rate, duration = self.pieces(begin, end)
+        integral, turned = np.zeros(3), np.eye(3) if turned is None else turned
+        for part, turn, step in zip(force, rate if bias is None else rate - bias, duration, strict=True):
+            half = Rotation.from_rotvec(turn * step / 2.0).as_matrix()
+            integral = integral + turned @ half @ part * step
+            turned = turned @ half @ half
+        return integral, turned
 
     def mean_rates(self, times: FloatArray, half: float = 0.025) -> FloatArray:
         """Return the mean angular rates (m, 3) around some times; vibration is averaged."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from orip.arrays import FloatArray, IntArray
 from orip.stations.inertial.alignment import align
+from orip.stations.inertial.common_errors import velocity_delay
 from orip.stations.inertial.components import accelerated, estimated_factors, white_noise
 from orip.stations.inertial.filter import Filtered, filtered_values, run_filter
 from orip.stations.inertial.graph import Factors, Graph
@@ -17,7 +18,11 @@ from orip.stations.inertial.solution import Solved
 from orip.stations.inertial.standing import stands_at
 
 _LONGEST_STEP = 1.0
-_MOST_ESTIMATES = 8
+_MOST_ESTIMATES = 20
+_SETTLED, _NEARLY = 1.03, 1.3
+"""Changes of factors with which no more are made, and with which their size is about known."""
+
+_SETTLED_DELAY = 0.001
 
 
 def smooth(observed: Observed, wanted: FloatArray | None = None, *, estimates_noise: bool = True) -> Solved:
@@ -29,7 +34,8 @@ def smooth(observed: Observed, wanted: FloatArray | None = None, *, estimates_no
     wanted : array (w,), optional
         Times that have states of their own, such as those of exposures.
     estimates_noise : bool
-        The standard deviations of the three groups of observations are multiplied by what their residuals ask for.
+        The standard deviations of the groups of observations are multiplied by what their residuals ask for, and
+        velocities that are late are taken ahead.
     """
     alignment = align(observed)
     times, fix = state_times(observed.fixes, np.zeros(0) if wanted is None else wanted)
@@ -39,14 +45,19 @@ def smooth(observed: Observed, wanted: FloatArray | None = None, *, estimates_no
     solved = Solved(graph, filtered_values(graph))
     white, before = white_noise(solved) if estimates_noise else np.empty(0), Factors()
     for _ in range(_MOST_ESTIMATES - 1 if estimates_noise else 0):
-        change = estimated_factors(solved, white)
-        if change.are_settled:
+        change, delay = estimated_factors(solved, white), graph.delay
+        step = accelerated(change, before)
+        if step.are_within(_NEARLY):  # with deviations that are far too small everything would be significant
+            delay = velocity_delay(solved)
+        is_in_time = abs(delay - graph.delay) < _SETTLED_DELAY
+        if is_in_time and step.are_within(_SETTLED):
             break
-        step, before = accelerated(change, before), change
-        graph = Graph(observed, times, fix, graph.factors.times(step), alignment, graph.stands)
+        # residuals with another delay say nothing of those without
+        before = change if is_in_time else Factors()
+        graph = Graph(observed, times, fix, graph.factors.times(step), alignment, graph.stands, delay)
         solved = Solved(graph, solved.values)
     if estimates_noise and stands.any():
-        solved = Solved(Graph(observed, times, fix, graph.factors, alignment, stands), solved.values)
+        solved = Solved(Graph(observed, times, fix, graph.factors, alignment, stands, graph.delay), solved.values)
     return solved
 
 

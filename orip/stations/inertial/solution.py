@@ -132,6 +132,10 @@ class Solved:
         joint = np.block([[covariance[:-1], across], [np.swapaxes(across, 1, 2), covariance[1:]]])
         return residual, np.eye(matrix.shape[1]) - matrix @ joint @ np.swapaxes(matrix, 1, 2)
 
+    def unit_redundancy(self) -> float:
+        """Return by how many observations more than they need the preintegrated samples are there."""
+        return float(np.trace(self.unit_residuals()[1], axis1=1, axis2=2).sum())
+
     def unit_roots(self) -> FloatArray:
         """Return the roots (k - 1, 15, 15) of the weights of preintegrated samples."""
         return np.array([factor.noiseModel().R() for group, factor in self._grouped if group == "unit"])

@@ -13,6 +13,7 @@ from orip.bundle.results.ground import photo_cofactors
 from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import solve_block
 from orip.bundle.starting_state import starting_state
+from orip.records.camera import Sensor
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.rig import Rigs
 from orip.structs import replace
@@ -20,6 +21,10 @@ from orip.structs import replace
 
 def adjusted(block, **settings):
     return solve_block(block, lambda _: None, lambda: False, **settings)
+
+
+def rolling(camera):
+    return replace(camera, parameters=(*camera.parameters[:-1], 0.03), sensor=Sensor(3600, 2400, *camera.frame))
 
 
 def stored(block):
@@ -36,10 +41,13 @@ def stored(block):
         ("stereo", {"datum": "free"}),
         ("around", {"datum": "free", "mounting_error": (0.01, 0.05)}),
         ("stereo", {"strips": 2, "exposures": 45, "points": 1200}),
+        ("three", {"velocity_error": 0.3, "rate_error": 0.5}),
     ],
 )
 def test_compiled_loops_and_stored_rows_give_the_same(head, settings):
     block = rig_block(head, "same", **settings).block
+    if "rate_error" in settings:
+        block = replace(block, cameras=tuple(map(rolling, block.cameras)))
     found, expected = adjusted(block), adjusted(block, pose=stored)
     if settings.get("exposures"):
         assert found.problem.layout.arrangement is not None

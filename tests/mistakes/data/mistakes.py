@@ -39,8 +39,6 @@ class DataMistake(Struct, frozen=True):
         Makes the mistake in it.
     cause, place : tuple of str
         Words of the first line: what is wrong, and where; each of them has to be there.
-    before : int
-        Score of the line that orip gave before these mistakes were looked at.
     """
 
     title: str
@@ -48,7 +46,6 @@ class DataMistake(Struct, frozen=True):
     make: Callable[[Path], None]
     cause: tuple[str, ...]
     place: tuple[str, ...]
-    before: Score
 
     def score(self, line: str) -> Score:
         """Return how well a first line tells the mistake."""
@@ -64,19 +61,19 @@ DATA_MISTAKES: dict[str, DataMistake] = {}
 
 
 def mistake(
-    title: str, cause: tuple[str, ...], place: tuple[str, ...], before: Score,
+    title: str, cause: tuple[str, ...], place: tuple[str, ...],
     clean: Callable[[Path], Path] = drone,
 ) -> Callable[[Callable[[Path], None]], Callable[[Path], None]]:  # fmt: skip
     """Enter a function that makes a mistake into the catalogue, under its name."""
 
     def enter(make: Callable[[Path], None]) -> Callable[[Path], None]:
-        DATA_MISTAKES[make.__name__] = DataMistake(title, clean, make, cause, place, before)
+        DATA_MISTAKES[make.__name__] = DataMistake(title, clean, make, cause, place)
         return make
 
     return enter
 
 
-@mistake("Stations of the antenna in place of the camera", ("lever arm",), ("exposure stations",), 0, calibrated_drone)
+@mistake("Stations of the antenna in place of the camera", ("lever arm",), ("exposure stations",), calibrated_drone)
 def antenna_offset(folder: Path) -> None:
     kappa = {name: np.radians(values[5]) for name, values in truth()["photos"].items()}
 
@@ -87,7 +84,7 @@ def antenna_offset(folder: Path) -> None:
     in_lines(folder / "DRONE.STA", of_antenna)
 
 
-@mistake("RTK positions moved by one photo", ("moved by one photo",), ("exposure stations",), 1)
+@mistake("RTK positions moved by one photo", ("moved by one photo",), ("exposure stations",))
 def moved_by_one_photo(folder: Path) -> None:
     path = folder / "DRONE.STA"
     lines = [line.split() for line in path.read_text(encoding="utf-8").splitlines()]
@@ -95,22 +92,22 @@ def moved_by_one_photo(folder: Path) -> None:
     path.write_text("".join("  ".join(words) + "\n" for words in shifted), encoding="utf-8")
 
 
-@mistake("Control above the geoid, stations above the ellipsoid", ("height",), ("control points", "stations"), 2)
+@mistake("Control above the geoid, stations above the ellipsoid", ("height",), ("control points", "stations"))
 def two_height_systems(folder: Path) -> None:
     in_lines(folder / "DRONE.PNT", lambda words: moved(words, np.array([0.0, 0.0, -42.317])))
 
 
-@mistake("The zone's number before the easting in one file", ("zone", "32"), ("control points",), 1)
+@mistake("The zone's number before the easting in one file", ("zone", "32"), ("control points",))
 def zone_prefix(folder: Path) -> None:
     in_lines(folder / "DRONE.PNT", lambda words: moved(words, np.array([32_000_000.0, 0.0, 0.0])))
 
 
-@mistake("Measured in pictures of half the resolution", ("multiplied by 2", "lower resolution"), ("ZENMUSE",), 1)
+@mistake("Measured in pictures of half the resolution", ("multiplied by 2", "lower resolution"), ("ZENMUSE",))
 def half_resolution(folder: Path) -> None:
     in_measurements(folder, lambda _, point, column, row: (point, column / 2.0, row / 2.0))
 
 
-@mistake("One photo in portrait format", ("turned by 90",), ("DJI_0030",), 2)
+@mistake("One photo in portrait format", ("turned by 90",), ("DJI_0030",))
 def one_portrait_photo(folder: Path) -> None:
     in_measurements(
         folder,
@@ -118,12 +115,12 @@ def one_portrait_photo(folder: Path) -> None:
     )
 
 
-@mistake("Names of control points with a hyphen", ("K-1", "K1", "hyphen"), ("control point",), 2)
+@mistake("Names of control points with a hyphen", ("K-1", "K1", "hyphen"), ("control point",))
 def hyphen_in_names(folder: Path) -> None:
     in_lines(folder / "DRONE.PNT", lambda words: [f"{words[0][0]}-{words[0][1:]}", *words[1:]])
 
 
-@mistake("A control point at the wrong stone in all photos", ("measured", "surveyed"), ("control point K1",), 1)
+@mistake("A control point at the wrong stone in all photos", ("measured", "surveyed"), ("control point K1",))
 def wrong_stone(folder: Path) -> None:
     place = np.array(truth()["points"]["K1"])
     stone = place + np.array([0.9, -0.6, 0.1])
@@ -135,12 +132,12 @@ def wrong_stone(folder: Path) -> None:
     in_measurements(folder, at_stone)
 
 
-@mistake("File names with .JPG in the stations alone", (".JPG",), ("exposure stations",), 1)
+@mistake("File names with .JPG in the stations alone", (".JPG",), ("exposure stations",))
 def jpg_in_one_file(folder: Path) -> None:
     in_lines(folder / "DRONE.STA", lambda words: [f"{words[0]}.JPG", *words[1:]])
 
 
-@mistake("A file of control that is not read", ("not read",), ("gcp.csv",), 1)
+@mistake("A file of control that is not read", ("not read",), ("gcp.csv",))
 def unread_file(folder: Path) -> None:
     path = folder / "DRONE.PNT"
     lines = [line.split() for line in path.read_text(encoding="utf-8").splitlines() if not line.startswith("!")]
@@ -149,22 +146,22 @@ def unread_file(folder: Path) -> None:
     path.unlink()
 
 
-@mistake("datum forgotten", ('datum = "free"',), ("bundle",), 2, scale_bar_project)
+@mistake("datum forgotten", ('datum = "free"',), ("bundle",), scale_bar_project)
 def datum_forgotten(folder: Path) -> None:
     replace_in(folder / "orip.toml", 'datum = "free"\n', "")
 
 
-@mistake('datum = "free" beside stations', ('datum = "free"',), ("exposure stations",), 1)
+@mistake('datum = "free" beside stations', ('datum = "free"',), ("exposure stations",))
 def free_with_stations(folder: Path) -> None:
     replace_in(folder / "orip.toml", 'name = "FLIGHT"\n', 'name = "FLIGHT"\ndatum = "free"\n')
 
 
-@mistake("The wrong one of two cameras", ("camera LEFT", "not with RIGHT"), ("photo L05",), 3, two_camera_project)
+@mistake("The wrong one of two cameras", ("camera LEFT", "not with RIGHT"), ("photo L05",), two_camera_project)
 def wrong_camera_of_two(folder: Path) -> None:
     replace_in(folder / "orip.toml", 'name = "L05"\ncamera = "LEFT"', 'name = "L05"\ncamera = "RIGHT"')
 
 
-@mistake("Control in US survey feet", ("feet",), ("control",), 0)
+@mistake("Control in US survey feet", ("feet",), ("control",))
 def us_feet(folder: Path) -> None:
     def in_feet(words: Line) -> Line:
         return [words[0], *(f"{float(value) * 3937.0 / 1200.0:.4f}" for value in words[1:])]
@@ -172,7 +169,7 @@ def us_feet(folder: Path) -> None:
     in_lines(folder / "DRONE.PNT", in_feet)
 
 
-@mistake("Photos of another flight under numbers that are used again", ("another flight",), ("DJI_0055",), 2)
+@mistake("Photos of another flight under numbers that are used again", ("another flight",), ("DJI_0055",))
 def another_flight(folder: Path) -> None:
     of_flight = {name for name, strip in truth()["strips"].items() if strip == "S6"}
     numbers = [name for name in truth()["points"] if name.isdigit()]

@@ -16,7 +16,7 @@ from mistakes.data.mistakes import DATA_MISTAKES, DataMistake
 from mistakes.first_line import DOCUMENT, diagnosis, first_line
 
 BEGIN, END = "<!-- data: begin -->\n", "<!-- data: end -->\n"
-HEADING = "| mistake | before | now | what orip says first |\n|---|---|---|---|\n"
+HEADING = "| mistake | score | what orip says first |\n|---|---|---|\n"
 
 
 def said_of(mistake: DataMistake, folder: Path) -> Said:
@@ -27,13 +27,12 @@ def said_of(mistake: DataMistake, folder: Path) -> Said:
 
 def row(mistake: DataMistake, line: str) -> str:
     """Return a row of the table."""
-    return f"| {mistake.title} | {mistake.before} | {mistake.score(line)} | {diagnosis(line)} |\n"
+    return f"| {mistake.title} | {mistake.score(line)} | {diagnosis(line)} |\n"
 
 
-def mean_row(rows: Sequence[tuple[int, int]]) -> str:
-    """Return the last row, with the means of the scores before and now."""
-    before, now = (sum(scores) / len(rows) for scores in zip(*rows, strict=True))
-    return f"| mean | {before:.1f} | {now:.1f} | |\n"
+def mean_row(scores: Sequence[int]) -> str:
+    """Return the last row, with the mean of the scores."""
+    return f"| mean | {sum(scores) / len(scores):.1f} | |\n"
 
 
 def main(words: Sequence[str]) -> None:
@@ -51,7 +50,7 @@ def main(words: Sequence[str]) -> None:
             sys.stdout.write("".join(f"      {line}\n" for line in said.told.splitlines() if line[:1] != " "))
         sys.stdout.flush()
         rows.append(row(mistake, line))
-        scores.append((mistake.before, mistake.score(line)))
+        scores.append(mistake.score(line))
     if "--table" in words and len(chosen) == len(DATA_MISTAKES):
         before, rest = DOCUMENT.read_text(encoding="utf-8").split(BEGIN)
         _, after = rest.split(END)
