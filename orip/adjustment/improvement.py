@@ -182,6 +182,8 @@ def _where_it_leads(
         correction = exchange.correction(moved.equations.residual, equations, weights, normals)
         state, before = problem.update(moved.state, correction), cost
         moved = Linearised(state, problem.linearise(state))
+        if not np.isfinite(moved.equations.residual).all():  # a residual without bound has the cost of any wrong one
+            return []
         cost = now.weighing.cost(moved.equations)
         if cost > before - _CLEARLY * limit**2 or cost < known:
             break

@@ -153,12 +153,12 @@ def calibration_diagnosis(solved: SolvedBlock) -> Iterator[Diagnosis]:
         if test.verdict == "significant":
             continue
         names = ", ".join(test.parameters)
-        where = f"camera {test.camera}"
+        where, (is_, it) = f"camera {test.camera}", ("is", "it") if len(test.parameters) == 1 else ("are", "them")
         if test.verdict == "not determinable":
             text = f"{names} of {where} hardly differs from the other unknowns ({test.lost_digits:.1f} digits lost)"
         else:
-            text = f"{names} of {where} is not significant ({test.statistic:.2f}, limit {test.limit:.2f})"
-        remedy = "hold it at zero, or let 'orip solve --prune' do so"
+            text = f"{names} of {where} {is_} not significant ({test.statistic:.2f}, limit {test.limit:.2f})"
+        remedy = f"hold {it} at zero, or let 'orip solve --prune' do so"
         if test not in candidates:
             remedy = "judge it again when the higher orders are held at zero"
         yield Diagnosis("not-significant", where, text, remedy)

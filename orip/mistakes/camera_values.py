@@ -40,8 +40,13 @@ def is_possible_view(c: float, diagonal: float) -> bool:
 
 _PRINCIPAL_POINT = slice(1, 3)
 _DISTORTION = slice(3, READOUT)
-DISTORTION_SIGN, POINT_SIGN, DISTORTION = CAMERA_SIGNS = ("distortion-sign", "principal-point-sign", "distortion")
+DISTORTION_SIGN, POINT_SIGN, DISTORTION, NOT_SQUARE = CAMERA_SIGNS = (
+    "distortion-sign", "principal-point-sign", "distortion", "pixels-not-square",
+)  # fmt: skip
 """Codes of what is wrong with a camera beside its principal distance."""
+
+_ROUNDED, _NOT_SQUARE = 1e-5, 0.02
+"""What the ratio of the sides of a pixel differs from 1 by where a size was rounded."""
 
 _LENS = ("A3", "A5", "P1", "P2")
 """The distortion of an ordinary lens."""
@@ -87,6 +92,26 @@ def distortion_of_lens(block: Block, row: int) -> Iterator[Hypothesis]:
         )
         changed = with_unknown(block, row, *_LENS)
         yield Hypothesis(changed, finding(DISTORTION, f"camera {camera.name}", text))
+
+
+def square_pixels(block: Block, row: int) -> Iterator[Hypothesis]:
+    """Yield a camera whose pixels are square, with the height of its sensor that follows from the width."""
+    camera = block.cameras[row]
+    if camera.sensor is None or "B1" in camera.unknown:
+        return
+    width, height = camera.sensor.width / camera.sensor.columns, camera.sensor.height / camera.sensor.rows
+    if not _ROUNDED < abs(width / height - 1.0) < _NOT_SQUARE:
+        return
+    rows = block.photo_camera[block.photo_points.photo] == row
+    xy = np.where(rows[:, None], block.photo_points.xy * [1.0, width / height], block.photo_points.xy)
+    unknown = ", ".join(f'"{kind}"' for kind in (*camera.unknown, "B1"))
+    text = (
+        f"the photos fit with square pixels, and the sensor has pixels of {width * 1e3:.4g} x {height * 1e3:.4g} µm: "
+        f"sizes in data sheets are rounded; write height = {width * camera.sensor.rows:.5g}, or set unknown = "
+        f"[{unknown}]"
+    )
+    changed = replace(block, photo_points=replace(block.photo_points, xy=xy))
+    yield Hypothesis(changed, finding(NOT_SQUARE, f"camera {camera.name}", text))
 
 
 def with_camera(block: Block, row: int, camera: Camera) -> Block:
@@ -172,12 +197,13 @@ def _unit_clause(given: float, found: float, camera: Camera) -> str:
         units["the equivalent for 35 mm film"] = diagonal / _DIAGONAL_OF_35_MM_FILM
     differences = {unit: abs(float(np.log(given * size / found))) for unit, size in units.items()}
     nearest = min(differences, key=differences.__getitem__)
-    return f" ({given:g} is probably {nearest})" if differences[nearest] < _ALIKE else ""
+    is_nearer = differences[nearest] < min(_ALIKE, 0.5 * abs(float(np.log(given / found))))
+    return f" ({given:g} is probably {nearest})" if is_nearer else ""
 
 
 FAR_FROM_GIVEN = "far-from-given"
 
-_FAR = 0.5
+_FAR = 0.35
 """Logarithm of the ratio of two principal distances from which no rough value explains the difference."""
 
 _DETERMINED = 0.02

@@ -65,7 +65,7 @@ from orip.mistakes.stations.misread_angles import misread_angles
 from orip.mistakes.stations.misread_antennas import misread_antennas
 from orip.mistakes.stations.misread_pictures import pictures_instead_of_positions
 from orip.mistakes.stations.misread_positions import HEIGHTS, misread_stations
-from orip.mistakes.stations.two_lenses import two_lenses
+from orip.mistakes.stations.two_lenses import two_lenses, two_lenses_of_photos
 from orip.mistakes.vertical_photos import misread_vertical_photos
 from orip.records.block import Block
 from orip.records.results.solution import Solution
@@ -119,7 +119,8 @@ def explain_misfit(
     if found := _of_ground(misfit, given):
         return found[:_MOST_WARNINGS]
     if solved.weighing.of_tracks and fits_without_wrong_matches(given):
-        return _shown_by_itself(solution, solved, given, readjuster)[:_MOST_WARNINGS]
+        lenses = two_lenses_of_photos(misfit)
+        return (lenses or _shown_by_itself(solution, solved, given, readjuster))[:_MOST_WARNINGS]
     if found := misread_vertical_photos(misfit):
         return found
     if found := rolling_shutters(solved, readjuster):
@@ -127,10 +128,9 @@ def explain_misfit(
     elsewhere = None if is_good(given) else _with_found_orientations(readjuster, from_own_values)
     if elsewhere is not None and (found := _misgiven(elsewhere, readjuster.block)):
         return _or_mirrored(found, elsewhere, readjuster)
-    if readjuster.is_worthwhile:
-        tried = hypotheses_of_misfit(solution, solved, given, started, readjuster)
-        if found := _best_explanation(tried, given, readjuster):
-            return found
+    tried = hypotheses_of_misfit(solution, solved, given, started, readjuster) if readjuster.is_worthwhile else ()
+    if found := _best_explanation(tried, given, readjuster) or two_lenses_of_photos(misfit):
+        return found
     if elsewhere is not None:
         return _shown_elsewhere(elsewhere, readjuster)
     scattered = scattered_positions(solution) if given.scale < _FITS and readjuster.is_worthwhile else []

@@ -13,7 +13,7 @@ from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
 from orip.geometry.rotation import angles_between, angles_from_rotation, rotation_from_angles
 from orip.mistakes.hypothesis import Fit, is_good
-from orip.mistakes.other_units import ANGLE_UNITS, FEET_AND_METRES, angle_unit_text, control_unit_text, is_nearer
+from orip.mistakes.other_units import ANGLE_UNITS, FEET_AND_METRES, control_unit_text, in_angle_unit, is_nearer
 from orip.records.block import Block
 from orip.records.names import record_key
 from orip.records.photo import PHOTO_PARAMETERS
@@ -294,7 +294,7 @@ def misgiven(solved: SolvedBlock, block: Block) -> list[ProjectWarning]:
     """Return how a few of the orientations given in a block, or their unit, differ from those adjusted."""
     for factor in ANGLE_UNITS:
         if is_nearer(block.photo_orientation[:, 3:], factor, solved.state.rotations):
-            return [ProjectWarning("angle-unit", "orip.toml", angle_unit_text(factor))]
+            return [ProjectWarning("angle-unit", *in_angle_unit(block, factor))]
     return misgiven_orientations(compared_with_adjusted(solved, block))
 
 

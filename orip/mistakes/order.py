@@ -10,6 +10,7 @@ from orip.mistakes.camera_values import (
     distortion_sign,
     other_principal_distance,
     principal_point_sign,
+    square_pixels,
 )
 from orip.mistakes.control.contradicting_control import released_control
 from orip.mistakes.control.free_network import control_of_free_network
@@ -116,6 +117,7 @@ def hypotheses_of_failure(readjuster: Readjuster, not_oriented: Sequence[str]) -
 
 def _of_cameras(block: Block) -> Iterator[Hypothesis]:
     for row in range(len(block.cameras)):
+        yield from square_pixels(block, row)
         yield from distortion_sign(block, row)
         yield from principal_point_sign(block, row)
         yield from distortion_of_lens(block, row)

@@ -290,17 +290,18 @@ def angles_in_another_unit(block: Block, solution: Solution) -> list[ProjectWarn
     adjusted = rotation_from_angles(solution.photos.values[:, 3:] * RADIANS_PER_DEGREE)
     in_frame = np.swapaxes(block.ground.axes_at(centres), 1, 2) @ adjusted
     return [
-        ProjectWarning("angle-unit", "orip.toml", angle_unit_text(factor))
+        ProjectWarning("angle-unit", *in_angle_unit(block, factor))
         for factor in ANGLE_UNITS
         if is_nearer(block.photo_orientation[:, 3:], factor, in_frame)
     ]
 
 
-def angle_unit_text(factor: float) -> str:
-    """Return what to say of preliminary rotations that are in another unit."""
-    return (
-        f"the preliminary OMEGA, PHI and KAPPA of the photos fit when they are in {ANGLE_UNITS[factor]}, but angles "
-        f"have to be in degrees; multiply them by {factor:.6g}"
+def in_angle_unit(block: Block, factor: float) -> tuple[str, str]:
+    """Return the file of rotations that are in another unit, and what to say of them."""
+    observed = any(element.kind in PHOTO_PARAMETERS[3:] for element in (*block.elements, *block.constant_elements))
+    return ".ELE file" if observed else "orip.toml", (
+        f"the {'' if observed else 'preliminary '}OMEGA, PHI and KAPPA of the photos fit when they are in "
+        f"{ANGLE_UNITS[factor]}, but angles have to be in degrees; multiply them by {factor:.6g}"
     )
 
 
@@ -324,7 +325,7 @@ def angle_units(block: Block) -> Iterator[Hypothesis]:
         orientation = block.photo_orientation * [1.0, 1.0, 1.0, factor, factor, factor]
         changed = replace(block, photo_orientation=orientation)
         near = partial(_is_near, given=block.photo_orientation[:, 3:], factor=factor)
-        found = finding("angle-unit", "orip.toml", angle_unit_text(factor))
+        found = finding("angle-unit", *in_angle_unit(block, factor))
         yield Hypothesis(changed, found, near, concerns_start=True)
 
 

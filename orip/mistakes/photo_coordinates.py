@@ -192,12 +192,12 @@ _FACTORS = (2, 4, 8)
 _FEWEST_IN_A_PICTURE, _FEWEST_PICTURES = 100, 3
 """Photo points and photos: photos of one object may show it in one corner."""
 
-_FILLED = 0.9
-"""Part of the reduced picture that the points reach at least."""
+_FILLED, _OFF_MIDDLE = 0.7, 0.08
+"""Parts of the reduced picture that the points reach at least, and that the middle of their extent is from its own."""
 
 
 def find_reduced_pictures(definitions: Definitions, observations: PhotoObservations) -> Iterator[ProjectWarning]:
-    """Yield a warning for each camera whose photo points fill a corner of its sensor, and no more.
+    """Yield a warning for each camera whose photo points surround the middle of a corner of its sensor, and no more.
 
     Parameters
     ----------
@@ -211,9 +211,11 @@ def find_reduced_pictures(definitions: Definitions, observations: PhotoObservati
             continue
         if (observations.measured[rows] < -0.01 * np.array([camera.sensor.columns, camera.sensor.rows])).any():
             continue  # no corner: they count from elsewhere
-        reached = (observations.measured[rows] / [camera.sensor.columns, camera.sensor.rows]).max(axis=0)
+        parts = observations.measured[rows] / [camera.sensor.columns, camera.sensor.rows]
+        reached, middle = parts.max(axis=0), 0.5 * (parts.min(axis=0) + parts.max(axis=0))
         for factor in _FACTORS:
-            if (np.abs(reached * factor - 0.5 * (_FILLED + _EDGE)) < 0.5 * (_EDGE - _FILLED)).all():
+            is_filled = ((reached * factor > _FILLED) & (reached * factor < _EDGE)).all()
+            if is_filled and (np.abs(middle * factor - 0.5) < _OFF_MIDDLE).all():
                 text = (
                     f"all {len(rows)} points lie in the upper left corner of the {camera.sensor.columns} columns and "
                     f"{camera.sensor.rows} rows of the sensor, and would fill it multiplied by {factor}: they seem to "

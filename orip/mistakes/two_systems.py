@@ -35,6 +35,9 @@ _ZONES = (1, 60)
 
 _METRES_PER_DEGREE = 1.1e5
 
+_NEAR_EQUATOR = 3e5
+"""Metres that a northing is from the length of the meridian at most."""
+
 _LARGEST_AREA = 5.0
 """Degrees from one end of a block to the other."""
 
@@ -109,19 +112,24 @@ def _degrees(points: FloatArray, places: FloatArray, file: str) -> str:
             continue
         if abs(np.log(extent * _METRES_PER_DEGREE / other)) > np.log(_OF_ONE_BLOCK):
             continue
-        x, y = np.median(concerned, axis=0)
+        x, y = np.median(concerned, axis=0).tolist()
+        northing = float(np.median(others[:, 1]))
+        # northings count from the equator, or near it
+        is_reversed = abs(northing - x * _METRES_PER_DEGREE) < _NEAR_EQUATOR < abs(northing - y * _METRES_PER_DEGREE)
+        names = "latitude and longitude" if is_reversed else "longitude and latitude"
+        are = f"X and Y, about {x:.6g} and {y:.6g}, are {names} in degrees"
         if concerned is points:
             return (
-                f"X and Y, about {x:.6g} and {y:.6g}, are longitude and latitude in degrees, unlike the positions of "
+                f"{are}, unlike the positions of "
                 f"the photos in {file}: convert the control to easting and northing in the system of these"
             )
         text = (
-            f"X and Y, about {x:.6g} and {y:.6g}, are longitude and latitude in degrees, and the control is in units "
+            f"{are}, and the control is in units "
             "of length: convert them to easting and northing in the system of the control"
         )
         by_heading = (
-            "; or write 'CRS EPSG:4326' as the first line of the .STA file, and the system of the control as crs in "
-            "[project]"
+            f"; or {'exchange them, ' if is_reversed else ''}write 'CRS EPSG:4326' as the first line of the .STA file, "
+            "and the system of the control as crs in [project]"
         )
         return f"{text}{by_heading if file == '.STA' else ''}"
     return ""

@@ -81,6 +81,9 @@ def _without_case_and_zeros(names: Sequence[str]) -> list[str]:
 def near_names(name: str, known: Iterable[str]) -> str:
     """Return the names most like one that is not known, for a message; the first of all names where none is alike."""
     by_key = {record_key(record): record for record in known}
+    stem, _, ending = name.rpartition(".")
+    if (meant := by_key.get(record_key(stem))) is not None:
+        return f"did you mean {meant}, without .{ending}?"
     near = set(difflib.get_close_matches(record_key(name), by_key, 4))
     if near:
         return f"did you mean {' or '.join(record for key, record in by_key.items() if key in near)}?"

@@ -11,7 +11,14 @@ from collections.abc import Collection, Iterable, Sequence
 from msgspec import Struct
 
 from orip.errors import ProjectWarning
-from orip.mistakes.camera_values import CAMERA_SIGNS, FAR_FROM_GIVEN, OTHER_LENS, READOUT_TIME, ROLLING_SHUTTER
+from orip.mistakes.camera_values import (
+    CAMERA_SIGNS,
+    FAR_FROM_GIVEN,
+    NOT_SQUARE,
+    OTHER_LENS,
+    READOUT_TIME,
+    ROLLING_SHUTTER,
+)
 from orip.mistakes.control.check_points import HEIGHT_SYSTEM
 from orip.mistakes.control.contradicting_control import CODE as CONTROL
 from orip.mistakes.control.contradicting_distances import DISTANCE_UNIT
@@ -91,14 +98,25 @@ CONSEQUENCES: tuple[Consequence, ...] = (
     Consequence(EXPLAINING_WARNINGS, warnings=None, of_same_photo=True),
     # where pictures are wrong, preliminary values are, and what a camera seems to have
     Consequence(
-        (*EXPLAINING_WARNINGS, *SHORT_TEXTS_OF_VERTICAL_PHOTOS, *CAMERA_SIGNS, OTHER_LENS, MIRRORED, ANOTHER_FLIGHT),
+        (
+            *EXPLAINING_WARNINGS,
+            *SHORT_TEXTS_OF_VERTICAL_PHOTOS,
+            *CAMERA_SIGNS,
+            OTHER_LENS,
+            MIRRORED,
+            ANOTHER_FLIGHT,
+            TWO_LENSES,
+            "other-camera",
+        ),
         warnings=("preliminary-values", "photo-left-out", "one-ray"),
     ),
     Consequence(("outside-frame", "senseless-camera"), warnings=(FAR_FROM_GIVEN,), groups=(*_GROUND, "check point")),
     # positions that are wrong lead nowhere, and photos are not where they were given
     Consequence(OF_STATIONS, warnings=(REPLACED, *_OF_START), groups=_GROUND),
     # coordinates in another unit make their errors those of no survey
-    Consequence(SHORT_TEXTS_OF_SYSTEMS, warnings=("error-unit", TOO_SMALL)),
+    Consequence(SHORT_TEXTS_OF_SYSTEMS, warnings=("error-unit", TOO_SMALL, DISTANCE_UNIT), groups=("distance",)),
+    # a longer lens shows its points beyond the frame of the shorter one
+    Consequence((TWO_LENSES,), warnings=("outside-frame", STRAY_POINTS)),
     Consequence(
         (TOO_SMALL,), warnings=(SCATTERED, POSITION, CONTROL, PRECISION, REPLACED), groups=(*_GROUND, "check point")
     ),
@@ -119,6 +137,7 @@ CONSEQUENCES: tuple[Consequence, ...] = (
     # rows exposed at another time displace photos along the flight
     Consequence((ROLLING_SHUTTER, READOUT_TIME), groups=(*_GROUND, "camera")),
     Consequence((READOUT_TIME,), warnings=(CONTROL, POSITION, *SHORT_TEXTS_OF_POSITIONS, PRECISION, REPLACED)),
+    Consequence((NOT_SQUARE,), groups=("distance",)),
     Consequence((DISTANCE_UNIT,), groups=("distance", "exposure station", "control point")),
     Consequence((DISTANCE_AXES,), groups=("distance",)),
     Consequence((DISTANCE,), groups=("distance",)),

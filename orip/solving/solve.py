@@ -14,7 +14,7 @@ from orip.bundle.methods import Method, adjust_block
 from orip.bundle.problem import BlockProblem, pose_problem
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.verdict import headline, sigma0_test
-from orip.errors import NotSolvableError, ProjectWarning
+from orip.errors import Complaint, InputError, NotSolvableError, ProjectWarning
 from orip.mistakes.explanation import explain_failure, explain_misfit, explain_start
 from orip.mistakes.hypothesis import Readjuster
 from orip.prelim.chain import preliminary_values_from_all_rays
@@ -119,6 +119,9 @@ def solve(
         if not (adjuster.is_misread or adjuster.lacks_only_control):
             causes += explain_failure(_readjuster(gathered), adjuster.not_oriented)
         raise NotSolvableError("\n".join([*map(str, causes), str(error)])) from None
+    except InputError as error:
+        first = (Complaint(str(warning)) for warning in gathered.warnings if warning.code in FIRST_CAUSES)
+        raise InputError((*first, *error.complaints)) from None
     start, solution = adjusted.start, adjusted.solution
     mistaken = _with_mistakes_of_the_block(mistaken, adjuster, adjusted)
     known = (*gathered.warnings, *mistaken)

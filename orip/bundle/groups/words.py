@@ -32,6 +32,9 @@ from orip.wording import joined
 CODE = "group"
 """Of the diagnoses of contradicting groups; the gravest comes first."""
 
+FIRST_CORRECT = "first correct"
+"""How a remedy begins that a warning gives: all else is looked at after it."""
+
 _KINDS: dict[str, ObservationKind] = {
     "photo": PHOTO_POINT,
     "control": CONTROL_POINT,

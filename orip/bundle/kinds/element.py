@@ -162,7 +162,10 @@ def _observed(
     columns = [_columns(place, unknowns, block.ground) for place in found]
     rows = Rows(
         kind=kind,
-        photo=tuple(element.name if element.group == "PHOTO" else "" for element in chosen),
+        photo=tuple(
+            block.photos[place.row].name if element.group == "PHOTO" else ""  # in whatever case it is written there
+            for element, place in zip(chosen, found, strict=True)
+        ),
         point=tuple("" if element.group == "PHOTO" else element.name for element in chosen),
         component=tuple(element.kind for element in chosen),
         observed=np.array([element.value for element in chosen], dtype=np.float64),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from typing import Generic, TypeVar, get_args
 
@@ -130,7 +131,9 @@ def parse_points(text: Parsed[list[str]], shown: str) -> Parsed[tuple[ControlPoi
 def _blanks_in_names(lines: list[str], shown: str) -> Complaint | None:
     """Return one complaint for all names that seem to have blanks: words before six numbers on most lines."""
     readers = [FieldReader(line, shown) for line in field_lines(lines)]
-    found = [reader for reader in readers if _has_blank(reader)]
+    # a number that begins several lines is no name, but a part of one
+    first_words = Counter(reader.text(0) for reader in readers)
+    found = [reader for reader in readers if _has_blank(reader, first_words[reader.text(0)] > 1)]
     if 2 * len(found) <= len(readers):
         return None
     first = found[0]
@@ -142,9 +145,9 @@ def _blanks_in_names(lines: list[str], shown: str) -> Complaint | None:
     return Complaint(text, shown, first.number)
 
 
-def _has_blank(reader: FieldReader) -> bool:
-    """Tell whether a line has six numbers and words before it, the first of which is none."""
-    if reader.count <= 1 + _NUMBERS or _is_number(reader.text(0)):
+def _has_blank(reader: FieldReader, begins_several: bool) -> bool:
+    """Tell whether a line has six numbers and words before them, the first of which is none, or begins other lines."""
+    if reader.count <= 1 + _NUMBERS or (_is_number(reader.text(0)) and not begins_several):
         return False
     last = [reader.text(index) for index in range(reader.count - _NUMBERS, reader.count)]
     return all(field == "-" or _is_number(field) for field in last)

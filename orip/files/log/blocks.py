@@ -145,7 +145,9 @@ def _has_form(reader: FieldReader, block: MeasurementBlock, body: int, *, is_dis
     elif body == 3 or (body == 5 and block.kind == "POINTS") or (has_given and block.kind in {"TEMPLATE", "PHOTO"}):
         return True
     else:
-        reader.complain(f"'{reader.shown_text(3)}' does not fit here; a line of {block.title} is: {form}", 3)
+        parts = f"{reader.shown_text(0)} {reader.shown_text(1)}"
+        blank = f" (a name has no blank: write '{parts.replace(' ', '_')}')" if body == 4 else ""
+        reader.complain(f"'{reader.shown_text(3)}' does not fit here{blank}; a line of {block.title} is: {form}", 3)
     return False
 
 

@@ -213,7 +213,8 @@ def table_faults(findings: Sequence[Finding], table: Table, title: str, place: P
     place : tuple of str or int
         Keys and indices that lead to the table.
     """
-    for finding in findings:
+    # a key that does not exist stands in place of one that is missing
+    for finding in sorted(findings, key=lambda found: not isinstance(found, UnknownKey)):
         yield (*place, *finding.place), _sentence(finding, table, title)
 
 
@@ -227,6 +228,7 @@ _SYNONYMS = {
     **{f"K{order}": (f"A{2 * order + 1}", "DISTORTION") for order in range(1, 5)},
     **dict.fromkeys(("P1", "P2", "B1", "B2"), ("DISTORTION",)),
     **dict.fromkeys(("SENSOR_WIDTH", "SENSOR_SIZE", "PIXEL_SIZE", "IMAGE_SIZE", "COLUMNS", "ROWS"), ("SENSOR",)),
+    **dict.fromkeys(("IMAGE", "PICTURE", "SHOT", "PHOTOGRAPH"), ("PHOTO",)),
     **dict.fromkeys(("PRECISION", "SIGMA", "SIGMA_IMAGE", "PIXEL_ERROR", "SD"), ("MEASUREMENT_PRECISION",)),
     **dict.fromkeys(("ITERATIONS", "MAX_ITER"), ("MAX_ITERATIONS",)),
     **dict.fromkeys(("EPSG", "SRS", "COORDINATE_SYSTEM"), ("CRS",)),
@@ -245,6 +247,8 @@ def unknown_key(key: str, title: str, allowed: Sequence[str]) -> str:
     shown = shown_token(key)
     near = nearest_word(key, allowed)
     note = _K_OF_OTHERS if key.upper() in ("K1", "K2", "K3", "K4") else ""
+    if key.upper() in ("PIXEL_SIZE", "PIXEL", "PIXEL_PITCH") and "width" in allowed:
+        note = "; width = columns times the size of a pixel in mm, height = rows times it"
     return f"{title} has the unknown key '{shown}'; {instead(near, allowed)}{note}"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 _NARROW = 0.2
@@ -9,6 +10,9 @@ _NARROW = 0.2
 
 _DISPLACED = "its decimal point is displaced"
 _ONE_DIGIT = "one digit is wrong"
+
+_DECISIVE = 0.15
+"""Tolerance, as a part of the unit of a digit: with a larger one, some digit there explains any value."""
 
 _CLOSE = 0.75
 """Part of the tolerance within which a value with another digit has to be: there are many digits to be tried."""
@@ -39,9 +43,15 @@ def slip_of_pen(value: float, seen: float, tolerance: float) -> str | None:
         # every value is next to zero if its decimal point is displaced far enough
         is_told_from_zero = tolerance <= _NARROW * abs(meant) or how != _DISPLACED
         near = _CLOSE * tolerance if how == _ONE_DIGIT else tolerance
-        if abs(meant - seen) <= near and is_told_from_zero:
+        is_decided = how != _ONE_DIGIT or near <= _DECISIVE * 10.0 ** _place(abs(meant - value))
+        if abs(meant - seen) <= near and is_told_from_zero and is_decided:
             return f"is probably {meant:.10g}: {how}"
     return None
+
+
+def _place(difference: float) -> int:
+    """Return the power of ten of the digit by which two numbers differ."""
+    return math.floor(math.log10(difference) + 1e-6)
 
 
 def _slips(value: float) -> Iterator[tuple[float, str]]:

@@ -56,10 +56,6 @@ class _Angles(Struct, frozen=True):
     error: FloatArray
     file: str
 
-    @property
-    def where(self) -> str:
-        return "exposure stations" if self.file == ".STA" else ".ELE file"
-
 
 def misread_angles(solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
     """Return what all observed angles of a file were taken for, if the photos are turned otherwise without them.
@@ -87,7 +83,7 @@ def misread_angles(solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectW
     if least > _REMAINS * as_given:
         return []
     text = next(text for off, text in read if off <= _EQUALLY * least)
-    return [ProjectWarning(CODE, angles.where, f"their OMEGA, PHI and KAPPA in the {angles.file} file {text}")]
+    return [ProjectWarning(CODE, "exposure stations", f"their OMEGA, PHI and KAPPA in the {angles.file} file {text}")]
 
 
 def _errors_in_radians(angles: _Angles, off: float) -> list[ProjectWarning]:
@@ -101,7 +97,7 @@ def _errors_in_radians(angles: _Angles, off: float) -> list[ProjectWarning]:
         f"their OMEGA, PHI and KAPPA in the {angles.file} file are right, but not their a-priori errors: these, "
         f"usually {given:.2g} degrees, seem to be in radians; write degrees: multiply them by {DEGREES_PER_RADIAN:.6g}"
     )
-    return [ProjectWarning(CODE, angles.where, text)]
+    return [ProjectWarning(CODE, "exposure stations", text)]
 
 
 def _observed(block: Block) -> _Angles | None:
@@ -125,7 +121,8 @@ def _of_elements(block: Block, rows: dict[str, int]) -> dict[int, tuple[tuple[fl
     values: dict[int, dict[str, tuple[float, float]]] = {}
     for element in block.elements:
         if element.group == "PHOTO" and element.error > 0.0 and record_key(element.name) in rows:
-            values.setdefault(rows[record_key(element.name)], {})[element.kind] = (element.value, element.error)
+            angle, error = np.radians([element.value, element.error]).tolist()  # elements are in degrees
+            values.setdefault(rows[record_key(element.name)], {})[element.kind] = (angle, error)
     return {
         row: ((of["OMEGA"][0], of["PHI"][0], of["KAPPA"][0]), float(np.mean([of[kind][1] for kind in _KINDS])))
         for row, of in values.items()

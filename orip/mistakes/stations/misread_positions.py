@@ -92,7 +92,8 @@ def misread_stations(block: Block, solved: SolvedBlock) -> list[ProjectWarning]:
     # positions that all agree may hold the block themselves, and it is the control that shows where the photos are
     moved = _where_control_puts_it(block, solved, observed)
     for placed in (observed, moved) if moved is not None else (observed,):
-        readings += [_in_another_height_system(block, placed), *_shortened(block, placed), *_read(placed)]
+        # heights in feet are nearly constant above others of a low object
+        readings += [*_read(placed), _in_another_height_system(block, placed), *_shortened(block, placed)]
     where = "exposure stations"
     return [ProjectWarning(code, where, text) for code, text in readings if text][:1]
 
@@ -165,7 +166,10 @@ def _in_another_order(block: Block, observed: _Observed) -> tuple[str, str]:
     by_one = max(int(np.count_nonzero(there & (at == own + step))) for step in (-1, 1))
     is_tried = observed.file == ".STA" and by_one >= _MOST * len(at) - 1
     is_permuted = len(np.unique(at[there])) == np.count_nonzero(there)
-    if is_tried or not (is_permuted and there.mean() >= _MOST and moved.sum() >= _FEWEST_MOVED):
+    # those that begin some photos later end as many earlier
+    absent = max((1.0 - _MOST) * len(at), abs(float(np.median((at - own)[there]))) if there.any() else 0.0)
+    is_explained = np.count_nonzero(~there) <= min(absent, 0.5 * len(at))
+    if is_tried or not (is_permuted and is_explained and moved.sum() >= _FEWEST_MOVED):
         return ORDER, ""
     names = [block.photos[row].name for row in observed.photo.tolist()]
     first = int(np.flatnonzero(moved)[0])

@@ -6,11 +6,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from orip.adjustment.weights import MEDIAN_OF_NORMAL
 from orip.arrays import IntArray
 from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
 from orip.mistakes.camera_values import with_unknown
-from orip.mistakes.hypothesis import Fit, Readjuster, fit_of_adjustment, is_good
+from orip.mistakes.hypothesis import EXPLAINING_WARNINGS, Fit, Misfit, Readjuster, explains, fit_of_adjustment, is_good
 from orip.records.block import Block
 from orip.records.names import record_key
 from orip.records.results.solution import Solution
@@ -45,6 +46,16 @@ _BETTER = 3.0
 _OF_A_PHOTO = 15.0
 """What the positions of one photo may add to the sum of squares after they have lost most of their weight."""
 
+_BENT = 1.15
+"""sigma0 from which something bends a block of which few observations do not fit."""
+
+_APART, _ONE_APART = 5.0, 8.0
+"""Standard deviations of those of one lens that the principal distances of two lenses are apart at least; and of the
+lens of a photo or two, of which one is farther away by chance."""
+
+_ONE_DIFFERENT = 0.02
+"""Least difference of the latter, as a part of them."""
+
 _DIFFERENT, _SIGNIFICANT = 0.002, 5.0
 """Least difference of the two principal distances, as a part of these and in standard deviations."""
 
@@ -73,6 +84,65 @@ def two_lenses(solution: Solution, readjuster: Readjuster) -> list[ProjectWarnin
             where = counted_names("photo", [block.photos[row].name for row in rows.tolist()])
             return [ProjectWarning(TWO_LENSES, where, text)]
     return []
+
+
+def two_lenses_of_photos(misfit: Misfit) -> list[ProjectWarning]:
+    """Return the same of a block that does not fit, from principal distances that its photos have one by one."""
+    solved, readjuster = misfit.solved, misfit.readjuster
+    block = readjuster.block
+    explained = {warning.code for warning in block.warnings} & EXPLAINING_WARNINGS
+    if not readjuster.is_small or explained - {"outside-frame"}:
+        return []
+    given = fit_of_adjustment(solved)
+    if solved.variance.sigma0 < _BENT and is_good(given):
+        return []
+    for camera in range(len(block.cameras)):
+        own = np.flatnonzero(block.photo_camera == camera)
+        if len(own) < 2 * _FEWEST_PHOTOS_OF_A_LENS:
+            continue
+        apart = readjuster.adjust(_with_own_cameras(block, own, solved))
+        rows = own[:0] if apart is None else _of_second_lens(block, own, apart)
+        tried = readjuster.adjust(_with_second_camera(block, camera, rows)) if len(rows) else None
+        if tried is None:
+            continue
+        fit = fit_of_adjustment(tried)
+        if not (is_good(fit) and (explains(fit, given) or _fits_better(misfit.solution, tried, 0))):
+            continue
+        if text := _text(tried, block, camera):
+            return [ProjectWarning(TWO_LENSES, counted_names("photo", [block.photos[row].name for row in rows]), text)]
+    return []
+
+
+def _with_own_cameras(block: Block, own: IntArray, solved: SolvedBlock) -> Block:
+    """Return a block in which photos of one camera have a principal distance each, and all else as it was adjusted."""
+    adjusted = {of.name: values for of, values in zip(solved.block.cameras, solved.state.cameras.tolist(), strict=True)}
+    cameras = [replace(of, parameters=tuple(adjusted.get(of.name, of.parameters))) for of in block.cameras]
+    photo_camera = block.photo_camera.copy()
+    first = cameras[photo_camera[own[0]]]
+    for row in own[1:].tolist():
+        photo_camera[row] = len(cameras)
+        cameras.append(replace(first, name=f"{first.name}_{block.photos[row].name}", unknown=("C",)))
+    cameras[photo_camera[own[0]]] = replace(first, unknown=("C",))
+    return replace(block, cameras=tuple(cameras), photo_camera=photo_camera)
+
+
+def _of_second_lens(block: Block, own: IntArray, apart: SolvedBlock) -> IntArray:
+    """Return the fewer rows of photos, if their principal distances are two, much farther apart than they scatter."""
+    place = {photo.name: row for row, photo in enumerate(apart.block.photos)}
+    known = np.array([row for row in own.tolist() if block.photos[row].name in place], dtype=np.int64)
+    found = apart.state.cameras[[apart.block.photo_camera[place[block.photos[row].name]] for row in known], 0]
+    order, logarithms = np.argsort(found), np.log(np.sort(np.maximum(found, 1e-9)))
+    splits = range(1, len(order))
+    if len(order) < 2 * _FEWEST_PHOTOS_OF_A_LENS:
+        return known[:0]
+    scatter = {at: np.concatenate([part - np.median(part) for part in np.split(logarithms, [at])]) for at in splits}
+    at = min(splits, key=lambda split: float(np.abs(scatter[split]).sum()))
+    between = float(np.median(logarithms[at:]) - np.median(logarithms[:at]))
+    is_one = min(at, len(order) - at) < _FEWEST_PHOTOS_OF_A_LENS
+    least = (_ONE_DIFFERENT, _ONE_APART) if is_one else (_DIFFERENT, _APART)
+    if between < max(least[0], least[1] * float(np.median(np.abs(scatter[at]))) / MEDIAN_OF_NORMAL):
+        return known[:0]
+    return np.sort(known[order[at:] if 2 * at >= len(order) else order[:at]])
 
 
 def _with_wrong_positions(solution: Solution) -> set[str]:
@@ -132,8 +202,10 @@ def _text(solved: SolvedBlock, block: Block, camera: int) -> str:
     if abs(one - other) < max(_DIFFERENT * one, _SIGNIFICANT * of_difference):
         return ""
     name = block.cameras[camera].name
+    is_one = np.count_nonzero(solved.block.photo_camera == places[1]) == 1
+    fit, seem, these = ("it fits", "it seems", "this photo") if is_one else ("they fit", "they seem", "these photos")
     return (
-        f"they fit with C = {other:.5g} ± {sd[1]:.1g} mm, the other photos of camera {name} with {one:.5g} ± "
-        f"{sd[0]:.1g} mm: they seem to be taken with another lens, zoom or focus; define a second [[camera]] in "
-        "orip.toml and name it in these photos"
+        f"{fit} with C = {other:.5g} ± {sd[1]:.1g} mm, the other photos of camera {name} with {one:.5g} ± "
+        f"{sd[0]:.1g} mm: {seem} to be taken with another lens, zoom or focus; define a second [[camera]] in "
+        f"orip.toml and name it in {these}"
     )
