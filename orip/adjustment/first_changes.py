@@ -67,7 +67,7 @@ def _hiding_each_other(start: LinearAdjustment, limit: float) -> tuple[IntArray,
     Neighbours that are wrong by the same amount determine their photo together: the residual of either stays small
     without the other one. The pairs are those by which the cost rises least, or falls.
     """
-    if not are_many(start.weight):
+    if not are_many(start.weight, start.residual, limit):
         return np.zeros((0, 2), dtype=np.intp), np.zeros((0, 2))
     free = 1.0 - np.diag(start.cofactor)
     rows = np.flatnonzero((start.weight >= 1.0) & (free > TESTABLE) & (np.abs(start.residual) > _SMALL * limit))

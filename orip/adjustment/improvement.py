@@ -149,7 +149,7 @@ def _hidden(
         replace(now.current.equations, rows=SparseRows(now.current.equations.design)),
     )
     among = wrong_one_by_one(equations, weights, limit) | wrong_by_themselves(equations, weights)
-    if not are_many(weights[among]):
+    if not are_many(weights[among], equations.residual[among], limit):
         return ()
     bound, found = normals.with_constraints(equations), []
     for exchange in exchanges_to_try(equations, weights, bound, problem.layout, limit, among, hidden=True):

@@ -184,7 +184,10 @@ def begun(start: LinearAdjustment, ways: int) -> Ways:
 _MANY = 8
 """Observations that have lost weight, from which on several may have to change at once."""
 
+_OF_ANOTHER_KIND = 1e4
+"""Times the limit: what is further off was not misread, but given in another unit or system."""
 
-def are_many(weight: FloatArray) -> bool:
+
+def are_many(weight: FloatArray, residual: FloatArray, limit: float) -> bool:
     """Return whether so many observations (c,) have lost weight that what hides behind others is looked for."""
-    return int(np.count_nonzero(weight < 1.0)) >= _MANY
+    return int(np.count_nonzero((weight < 1.0) & (np.abs(residual) < _OF_ANOTHER_KIND * limit))) >= _MANY

@@ -61,7 +61,7 @@ def weights_of_lower_cost(start: LinearAdjustment, limit: float, rounds: int = M
     at_first = float(begun(elsewhere, 1).costs(limit)[0])
     other, cost = _lowest_from(elsewhere, _ends(elsewhere, limit), at_first, limit, rounds)
     best, least = (other, cost) if cost < least else (best, least)
-    if least > at_start - LEAST_GAIN * limit**2 and are_many(start.weight):
+    if least > at_start - LEAST_GAIN * limit**2 and are_many(start.weight, start.residual, limit):
         best = _settled_after_first_changes(start, limit)
     doubtful = at_start + _DOUBT * limit**2
     likely = [end.weight for end in first if end.cost < doubtful]
@@ -155,7 +155,7 @@ def _ends(start: LinearAdjustment, limit: float) -> list[_End]:
         ways, held, costs = moved.chosen(going), held[going], lower[going]
     ends += map(_End, costs.tolist(), ways.weight)
     ends.sort(key=itemgetter(0))
-    if not are_many(start.weight):
+    if not are_many(start.weight, start.residual, limit):
         return ends
     nearly = ends[0].cost + _NEARLY * limit**2 if ends else 0.0
     settled = [_settled(start, end, limit) for end in ends[:_MOST_FOUND] if end.cost < nearly]
