@@ -311,8 +311,15 @@ def test_a_project_whose_measurements_are_in_one_place_is_refused(opened: Opened
     opened.orip("adjust --frame 4000x3000 --exact-distortion gubaio source out", opened.folder)
 
 
-@pytest.mark.parametrize("store", ["MAIN.EXO", "CAMERAS.CAM", "FIRST.PHO"])
-@pytest.mark.parametrize("value", [0, 0x63, 0xFF])
+WRITTEN = [
+    pytest.param(store, value, marks=() if at == number else pytest.mark.long)
+    for at, store in enumerate(("MAIN.EXO", "CAMERAS.CAM", "FIRST.PHO"))
+    for number, value in enumerate((0, 0x63, 0xFF))
+]
+"""Each store and each value once, all of them with the long studies."""
+
+
+@pytest.mark.parametrize(("store", "value"), WRITTEN)
 def test_a_store_of_another_format_of_sqlite_is_damaged(opened: Opened, store: str, value: int) -> None:
     path = opened.project / store
     whole = path.read_bytes()
