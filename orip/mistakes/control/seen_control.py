@@ -135,6 +135,9 @@ def misread_control_points(misfit: Misfit) -> list[ProjectWarning]:
         return []
     best = min(tried, key=lambda found: found.score)
     others = [found for found in tried if found is not best and found.score < best.score + DECIDED]
+    is_of_heights = len(best.change.points) > 1 and best.change.left_out.any()
+    if is_of_heights and any(group.of == "CAMERA" and group.doubted for group in solution.groups):
+        return []  # a held distortion bends the block, and its rim is off in height alike
     return _said(block, seen, best, others)
 
 

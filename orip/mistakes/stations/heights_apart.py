@@ -29,6 +29,9 @@ _LEAST, _MOST = 0.3, 10.0
 _ARM = 3.0
 """Metres that an antenna is above its camera at most: stations that are too high by less have a lever arm."""
 
+_OTHER_LENS = 0.001
+"""Part by which the principal distance of another lens or zoom differs at least; calibrations differ by less."""
+
 _ALIKE = 0.2
 """Spread of the differences, as a part of their median, at most."""
 
@@ -53,13 +56,14 @@ def heights_apart(misfit: Misfit) -> list[ProjectWarning]:
         return []
     if are_doubted(solution_of(tried)):
         return []
-    return _camera_instead(tried, misfit.readjuster) or [_warning(block, by)]
+    return _heights_or_camera(tried, misfit.readjuster, by)
 
 
-def _camera_instead(shifted: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
+def _heights_or_camera(shifted: SolvedBlock, readjuster: Readjuster, by: float) -> list[ProjectWarning]:
     """Return that a held principal distance is wrong, if all fits as well with another one as with other heights.
 
     That takes nothing from what was surveyed; a difference of heights is said only where it alone explains the block.
+    Where a principal distance explains it that hardly differs, either may be wrong, and the groups say so.
     """
     block = readjuster.block
     cost = shifted.weighing.cost(shifted.equations)
@@ -69,8 +73,9 @@ def _camera_instead(shifted: SolvedBlock, readjuster: Readjuster) -> list[Projec
         for hypothesis in other_principal_distance(block, row):
             tried = readjuster.adjust(hypothesis.block)
             if tried is not None and tried.converged and tried.weighing.cost(tried.equations) < cost + DECIDED:
-                return hypothesis.findings(tried)
-    return []
+                differs = abs(float(tried.state.cameras[row, 0]) / camera.parameters[0] - 1.0) > _OTHER_LENS
+                return hypothesis.findings(tried) if differs else []
+    return [_warning(block, by)]
 
 
 def _with_heights(block: Block, by: float | None) -> Block:
