@@ -47,6 +47,15 @@ def test_a_wrong_principal_distance_does_not_accuse_stations_alone(kind) -> None
     assert found.named, found.verdict
 
 
+@pytest.mark.parametrize(
+    ("kind", "planted", "run"), [("stations", Error("stations", "Z"), 3), ("control", Error("camera", "A3"), 2)]
+)
+def test_what_explains_as_much_is_not_accused_alone(kind, planted, run) -> None:
+    """Heights of stations and C, and a distortion and heights of points at the rim, can hardly be told apart."""
+    found = outcome((kind, planted, run))
+    assert found.named, found.verdict
+
+
 def test_the_sentence_has_size_and_sign_of_a_wrong_principal_distance() -> None:
     block = block_of("close range", 3, Error("camera", "C"))
     given = block.cameras[0].parameters[CAMERA_PARAMETERS.index("C")] - 35.0
