@@ -126,11 +126,15 @@ def image_residuals(solution: Solution, names: tuple[str, ...], pixel: FloatArra
     pixel : array (all residuals,), optional
         Length of the unit wanted, for each row of the residuals; mm if not given.
     """
+    if not names:
+        return np.empty(0)
     residuals = solution.residuals
     rows = np.flatnonzero(coded(residuals.kind).where(PHOTO_POINT.name.__eq__) & (residuals.weight_factor > 0.0))
     point = coded(residuals.point)[rows]
     number = {name: place for place, name in enumerate(names)}
-    place = np.array([number.get(point_of_measurement(name), -1) for name in point.distinct], dtype=np.int64)
+    # nearly all names are those of their points
+    meant = (point_of_measurement(name) if name[-1:] == ")" else name for name in point.distinct)
+    place = np.array([number.get(name, -1) for name in meant], dtype=np.int64)
     of_row = place[point.codes] if len(place) else np.empty(0, dtype=np.int64)
     mine = of_row >= 0
     size = residuals.residual[rows[mine]]
