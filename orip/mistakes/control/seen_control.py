@@ -56,8 +56,9 @@ _CHANCE, _OPTIMISTIC = 4.0, 2.0
 """Standard deviations by which a sum of squares is larger than chance gives at most, and how many times larger, as
 errors are often given a little too small."""
 
-_ROUNDS, _NEAR_START = 4, 0.5
-"""Rounds of the adjustment of a similarity, and the change of scale up to which its start was near."""
+_ROUNDS, _SETTLED, _NEAR_START = 4, 1e-7, 0.5
+"""Rounds of the adjustment of a similarity at most, the part of the extent by which points move in the last one, and
+the change of scale up to which the start was near."""
 
 _MARK = 1.0
 """A-priori error, without its sign, that marks a check point and says nothing else."""
@@ -231,7 +232,7 @@ def _fitted(seen: _Seen, change: _Change) -> _Fitted | None:
         own = turn @ seen.spread @ turn.T
         if not np.isfinite(own).all() or not np.isfinite(value).all():
             return None
-        weight = np.linalg.pinv((own + np.diag(np.nan_to_num(seen.errors.ravel()) ** 2))[np.ix_(rows, rows)])
+        weight = _inverse((own + np.diag(np.nan_to_num(seen.errors.ravel()) ** 2))[np.ix_(rows, rows)])
         off = (target - value).ravel()[rows]
         normals = np.linalg.pinv(partials[rows].T @ weight @ partials[rows])
         step = normals @ partials[rows].T @ weight @ off
@@ -243,6 +244,8 @@ def _fitted(seen: _Seen, change: _Change) -> _Fitted | None:
         if not seen.is_placed:
             moved[0, [0, 4, 5, 6]] = step[[0, 4, 5, 6]]
         at = at.moved(moved)
+        if np.abs(partials @ step).max() < _SETTLED * float(np.ptp(target[used])):
+            break
     # what the others say of a coordinate that is left out: its residual is predicted from theirs
     gain = own[:, rows] @ weight
     predicted = at.apply(source)[0].ravel() + gain @ off
@@ -253,6 +256,18 @@ def _fitted(seen: _Seen, change: _Change) -> _Fitted | None:
     limit = _OPTIMISTIC * 0.5 * (redundancy + _CHANCE * np.sqrt(2.0 * max(redundancy, 0)))
     sd = np.sqrt(np.maximum(variances, 0.0)).reshape(-1, 3)
     return _Fitted(change, cost, redundancy > 0 and cost < limit, predicted.reshape(-1, 3) + middle, sd)
+
+
+def _inverse(covariance: FloatArray) -> FloatArray:
+    """Return the inverse of a covariance matrix; of one without an inverse, as of exact coordinates, the pseudoinverse.
+
+    Singular values take ten times as long, and one is wanted for each of a thousand changes.
+    """
+    try:
+        half = np.linalg.solve(np.linalg.cholesky(covariance), np.eye(len(covariance)))
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.pinv(covariance))
+    return np.asarray(half.T @ half)
 
 
 # ---------------------------------------------------------------------------------------------------------- hypotheses
