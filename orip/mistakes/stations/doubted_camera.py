@@ -42,8 +42,8 @@ _OTHER_LENS, _MOVED = 0.05, 120.0
 """Difference of principal distances, as a part of these, that is another lens and not another calibration, and ground
 units that photos rise or sink by then: heights in another system bend a flat block like another lens."""
 
-_SIGNIFICANT, _LEAST = 5.0, 0.001
-"""The same that control shows by itself: in its standard deviations, and as a part."""
+_SIGNIFICANT, OF_LENSES = 5.0, 0.001
+"""The same that control shows by itself: in its standard deviations, and as a part; calibrations differ by less."""
 
 
 def camera_instead_of_stations(misfit: Misfit) -> list[ProjectWarning]:
@@ -197,4 +197,4 @@ def _is_seen_without(hypothesis: Hypothesis, row: int, block: Block, readjuster:
         return False
     given = block.cameras[row].parameters[0]
     sd = free.deviation_scale * float(np.sqrt(free.cofactors_of(np.array([column]))[0, 0]))
-    return abs(float(free.state.cameras[row, 0]) - given) > max(_SIGNIFICANT * sd, _LEAST * given)
+    return abs(float(free.state.cameras[row, 0]) - given) > max(_SIGNIFICANT * sd, OF_LENSES * given)

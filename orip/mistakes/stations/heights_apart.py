@@ -14,7 +14,7 @@ from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
 from orip.mistakes.camera_values import other_principal_distance
 from orip.mistakes.hypothesis import DECIDED, Misfit, Readjuster, fit_of_adjustment, is_good
-from orip.mistakes.stations.doubted_camera import are_doubted, has_positions, is_better
+from orip.mistakes.stations.doubted_camera import OF_LENSES, are_doubted, has_positions, is_better
 from orip.mistakes.stations.misread_positions import HEIGHT_OFFSET
 from orip.records.block import Block
 from orip.structs import replace
@@ -28,9 +28,6 @@ _LEAST, _MOST = 0.3, 10.0
 
 _ARM = 3.0
 """Metres that an antenna is above its camera at most: stations that are too high by less have a lever arm."""
-
-_OTHER_LENS = 0.001
-"""Part by which the principal distance of another lens or zoom differs at least; calibrations differ by less."""
 
 _ALIKE = 0.2
 """Spread of the differences, as a part of their median, at most."""
@@ -73,7 +70,7 @@ def _heights_or_camera(shifted: SolvedBlock, readjuster: Readjuster, by: float) 
         for hypothesis in other_principal_distance(block, row):
             tried = readjuster.adjust(hypothesis.block)
             if tried is not None and tried.converged and tried.weighing.cost(tried.equations) < cost + DECIDED:
-                differs = abs(float(tried.state.cameras[row, 0]) / camera.parameters[0] - 1.0) > _OTHER_LENS
+                differs = abs(float(tried.state.cameras[row, 0]) / camera.parameters[0] - 1.0) > OF_LENSES
                 return hypothesis.findings(tried) if differs else []
     return [_warning(block, by)]
 
