@@ -159,9 +159,6 @@ def _marks(state: ProjectState, task: _Task, settings: NetworkSettings) -> Proce
     from orip.stations.network_points import network_points
 
     project, place = state.project, settings.hold_place
-    if bool(settings.hold) != (place is not None):
-        message = "hold and hold_place of [gnss_network] belong together: the name and the place of the mark"
-        raise InputError([Complaint(message, project.shown(project.text))])
     marks, orbits = task.files[: len(settings.marks)], task.files[len(settings.marks) :][: len(settings.orbits)]
     files = GnssFiles(
         marks[0], marks[0], orbits, "static", elevation=settings.elevation, systems=settings.systems,

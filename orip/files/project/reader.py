@@ -210,6 +210,8 @@ def _check(source: ProjectSource, line_of: project_checks.LineOf) -> Iterator[Fa
     yield from project_checks.check_lenses(source, references)
     yield from record_checks.check_temticks(source, line_of)
     yield from record_checks.check_photo_parameters(source)
+    if source.gnss_network is not None:
+        yield from record_checks.check_network(source.gnss_network)
     yield from record_checks.check_bundles(source)
     yield from antenna_checks.check_antennas(source, references)
     yield from check_rigs(source, references)

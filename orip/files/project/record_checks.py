@@ -14,6 +14,7 @@ from orip.records.camera import CAMERA_PARAMETERS, RADIAL_PARAMETERS, READOUT, C
 from orip.records.definition import BundleDefinition
 from orip.records.names import look_alikes, name_fault, record_key
 from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.receivers import NetworkSettings
 
 _RADIAL_FORMS = ("distortion_isp", "distortion_curve")
 """What may stand in place of A1, A3, A5, A7, A9 of the key `distortion`, which holds P1, P2, B1, B2 then."""
@@ -180,6 +181,17 @@ def similar_marks(source: ProjectSource, shown: str, line_of: LineOf) -> Iterato
             listed = " and ".join(f"'{shown_token(name)}'" for name in names)
             text = f"marks {listed} of {where} differ only in case or leading zeros; rename one if they are the same"
             yield ProjectWarning("similar-names", f"{shown}:{line_of(place)}", text)
+
+
+def check_network(network: NetworkSettings) -> Iterator[Fault]:
+    """Check that a mark that is held has both its name and its place."""
+    if bool(network.hold) != (network.hold_place is not None):
+        given, lacking = ("hold", "hold_place") if network.hold else ("hold_place", "hold")
+        message = (
+            f"{given} of [gnss_network] stands without {lacking}; write both, the name and the place of the mark that "
+            "is held, or neither"
+        )
+        yield ("gnss_network", given), message
 
 
 def check_bundles(source: ProjectSource) -> Iterator[Fault]:

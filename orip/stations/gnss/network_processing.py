@@ -113,11 +113,14 @@ def _held(
         raise InputError([Complaint(text, parts[names.index(twice[0])].shown)])
     if held is None:
         if not np.isfinite(parts[0].place).all():
-            text = "the header has no place of this mark; give one that is held: --hold NAME=X,Y,Z"
+            text = (
+                "the header has no place of this mark; give one that is held: --hold NAME=X,Y,Z, or hold and "
+                "hold_place of [gnss_network]"
+            )
             raise InputError([Complaint(text, parts[0].shown)])
         return 0, parts[0].place
     if held[0] not in names:
-        text = f"--hold {held[0]}: there is no such mark; there are {', '.join(names)}"
+        text = f"no mark is called {held[0]}, which is to be held; there are {', '.join(names)}"
         raise InputError.single(text)
     return names.index(held[0]), held[1]
 
