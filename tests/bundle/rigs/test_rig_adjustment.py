@@ -5,6 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from support.rig_blocks import C, rig_block, single
 
+from orip.bundle.compiled import photo_loop
 from orip.bundle.diagnosis import diagnose
 from orip.bundle.kinds.observation import partials_by_unknowns
 from orip.bundle.problem import pose_problem
@@ -32,6 +33,7 @@ def stored(block):
     return replace(pose_problem(block), streamed=None)
 
 
+@pytest.mark.skipif(not photo_loop.is_compiled(), reason="the extension was not built: no compiler here")
 @pytest.mark.parametrize(
     ("head", "settings"),
     [
