@@ -106,8 +106,9 @@ def _variances(square: NDArray[np.float64], point: NDArray[np.intp], share: NDAr
 def noise_correlations(fit: Fit, rays: NDArray[np.intp], side: int) -> NDArray[np.float32]:
     """Return the spectrum of the correlations of the noise at the places of a patch, for `_correlated`.
 
-    They depend on the distance alone, and are the mean over the rays. With the projection P of the fit, residuals have
-    P C P': C is found by repeating C <- C + (found - expected).
+    They depend on the distance alone, and are the mean over the rays, each with the same share: else a ray of another
+    place, or a blurred one, whose residuals are large and smooth, would speak for all. With the projection P of the
+    fit, residuals have P C P': C is found by repeating C <- C + (found - expected).
 
     Parameters
     ----------
@@ -129,7 +130,9 @@ def noise_correlations(fit: Fit, rays: NDArray[np.intp], side: int) -> NDArray[n
     away = np.abs((np.arange(size) + size // 2) % size - size // 2)
     pairs = np.where(away <= REACH, np.maximum(side - away, 1), np.inf)
     pairs = pairs[:, None] * pairs
-    residual = rfft2(_planes(fit.residual[rays], side), (size, size))
+    own = fit.residual[rays]
+    own = own / np.maximum(np.sqrt((own * own).mean(axis=1, keepdims=True)), np.float32(1e-6))
+    residual = rfft2(_planes(own, side), (size, size))
     found = irfft2(np.sum(np.abs(residual) ** 2, axis=0, dtype=np.float64), (size, size)) / pairs
     found /= found[0, 0]
     some = rays[:: max(1, len(rays) // _OF_MANY)]
@@ -160,7 +163,7 @@ def _planes(rows: NDArray[np.floating[Any]], side: int) -> NDArray[np.floating[A
 
 
 def _spectrum(correlations: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Return what is real, as correlations are the same in opposite directions."""
+    """Return what is real, as correlations are the same in opposite directions; no variance is negative."""
     from scipy.fft import rfft2
 
-    return np.asarray(rfft2(correlations).real, dtype=np.float32)
+    return np.asarray(np.maximum(rfft2(correlations).real, 0.0), dtype=np.float32)
