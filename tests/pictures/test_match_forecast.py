@@ -74,4 +74,6 @@ def test_the_command_says_it(tmp_path, monkeypatch) -> None:
     folder = project(tmp_path, render(4, SIDE, np.random.default_rng(7), noise=4.0).photos)
     said = orip(folder, "match", "--features", "--points", "60", "--threads", "1")
     assert said.code == 0
-    assert re.search(r"forecast about \d+ minutes? and \d\.\d GB of memory: 4 photos of 0 megapixels, some 6 p", said.err)
+    assert re.search(
+        r"forecast about \d+ minutes? and \d\.\d GB of memory: 4 photos of 0 megapixels, some 6 p", said.err
+    )
