@@ -10,9 +10,9 @@ from markupsafe import Markup
 from msgspec import Struct
 
 from orip.bundle.results.reliability import suspect_rows
-from orip.records.coded_names import CodedNames, coded
+from orip.records.coded_names import coded
 from orip.records.names import places_of_names
-from orip.records.observation_kinds import point_of_measurement, unit_of_unknown
+from orip.records.observation_kinds import places_of_measured, point_of_measurement, unit_of_unknown
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.results.solution import AntennaEstimate, Correlation, Estimates, Solution
 from orip.report.drawings.svg import ChartFrame, Curve, line_chart
@@ -229,12 +229,9 @@ def _largest_standard_residuals(solution: Solution, rows: list[int]) -> list[flo
     """Return the largest standard residual of each of these points; NaN for one without residuals."""
     residuals, names = solution.residuals, solution.points.names
     point = coded(residuals.point)
-    place = CodedNames(point.distinct, np.arange(len(point.distinct))).places_among(names)
-    for other in np.flatnonzero(place < 0).tolist():  # measured twice in a photo, or no point
-        place[other] = places_of_names(names).get(point_of_measurement(point.distinct[other]), -1)
     wanted = np.full(len(names) + 1, -1)  # the last one: of what is no point
     wanted[rows] = np.arange(len(rows))
-    row = wanted[place][point.codes]
+    row = wanted[places_of_measured(point, names)][point.codes]
     chosen = np.flatnonzero(row >= 0)
     chosen = chosen[~np.isnan(residuals.weight_factor[chosen])]
     largest = np.full(len(rows), -1.0)

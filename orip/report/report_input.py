@@ -10,6 +10,7 @@ from msgspec import Struct, field
 from numpy.typing import NDArray
 
 from orip.arrays import FloatArray, IntArray
+from orip.bundle.results.compared_points import COMPARED_KINDS, ComparedKind, ComparedPoints, compared_points
 from orip.errors import ProjectWarning
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.image_coordinates import pixel_size
@@ -145,6 +146,11 @@ class ReportInput(Struct, frozen=True, dict=True):
     def photo_vectors(self) -> Mapping[str, PhotoVectors]:
         """Return the residual vectors of each photo that has photo points."""
         return photo_vectors(self.solution.residuals)
+
+    @cached_property
+    def compared(self) -> Mapping[ComparedKind, ComparedPoints]:
+        """Return the control points and the check points."""
+        return {kind: compared_points(self.solution, kind) for kind in COMPARED_KINDS}
 
     @cached_property
     def pixel_of_rows(self) -> FloatArray:
