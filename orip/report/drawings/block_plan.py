@@ -143,7 +143,7 @@ def _footprints(scene: _Scene, plane: MapPlane) -> list[str]:
 
 
 def _points(solution: Solution, scene: _Scene, plane: MapPlane) -> list[str]:
-    ties = np.array([solution.point_kinds[row] == "tie" for row in scene.rows], dtype=bool)
+    ties = coded(solution.point_kinds)[scene.rows].where("tie".__eq__)
     at = plane.place(scene.points)
     at, is_tie = at[(known := np.isfinite(at).all(axis=1))], ties[known]
     rows = scene.rows[known]
@@ -226,7 +226,7 @@ def _ellipse(
 
 def _names(solution: Solution, scene: _Scene, plane: MapPlane) -> list[str]:
     """Return the names of control and check points that find room, and of photos if they are few."""
-    surveyed = [place for place, row in enumerate(scene.rows.tolist()) if solution.point_kinds[row] != "tie"]
+    surveyed = np.flatnonzero(~coded(solution.point_kinds)[scene.rows].where("tie".__eq__))
     at, names = scene.points[surveyed], [solution.points.names[scene.rows[place]] for place in surveyed]
     if len(solution.photos.names) <= _MOST_LABELS // 2:
         at, names = np.concatenate([at, scene.photos]), [*names, *solution.photos.names]
