@@ -14,16 +14,19 @@ import numpy as np
 from msgspec import Struct
 
 from orip.errors import Complaint, InputError, ProjectWarning
+from orip.files.control.stations_text import read_stations
 from orip.files.stores.digest import record_digest
 from orip.files.text.atomic import write_output
 from orip.files.text.lines import read_lines
 from orip.files.text.regular_file import file_digest
 from orip.files.text.shown import Parsed
 from orip.records.epochs import Epochs
+from orip.records.names import record_key
 from orip.records.receivers import EventSettings, GnssSettings, ImuSettings, NetworkSettings
 from orip.stations.exposures import Matching
 from orip.stations.imported import ImportedStations, ImportFiles, ImportSettings, import_stations, read_epochs
 from orip.structs import replace
+from orip.wording import agreeing, first_names
 from orip.workflow.project.commit import Change, commit
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.run_id import Step
@@ -183,7 +186,19 @@ def _stations(state: ProjectState, task: _Task, settings: GnssSettings | ImuSett
         change, warnings, relative = _imported(state, settings), (), ""
     outcome = commit(_with_digest(change, task)).outcome
     text = f"{len(outcome.stations)} in {outcome.shown}{relative}"
-    return Processed("stations", text, (*warnings, *outcome.warnings))
+    return Processed("stations", text, (*warnings, *outcome.warnings, *_left_over(task.output, outcome)))
+
+
+def _left_over(path: Path, outcome: ImportedStations) -> Iterator[ProjectWarning]:
+    """Say which stations of the file were not computed now."""
+    computed = {record_key(station.photo) for station in outcome.stations}
+    names = [station.photo for station in read_stations(path, outcome.shown).value]
+    others = [name for name in names if record_key(name) not in computed]
+    if others:
+        have = agreeing(len(others), "has a station", "have stations")
+        remedy = f"take out what is wrong now: orip control stations kill {others[0]}"
+        text = f"{first_names(others, 3)} {have} from an earlier run or from elsewhere; {remedy}"
+        yield ProjectWarning("station-left", outcome.shown, text)
 
 
 def _with_digest(change: Change[T], task: _Task) -> Change[T]:

@@ -75,6 +75,11 @@ def test_only_what_is_out_of_date_is_computed(computed, tmp_path):
     assert "stations 11 in F.STA" in orip(folder, "run").err
     assert steps(folder)[0] == ("orip imu", "up to date")
     assert len(read_stations(folder / "F.STA", "S").value) == 11
+    events = (folder / "events.csv").read_text().splitlines(keepends=True)
+    (folder / "events.csv").write_text("".join(events[:-1]))
+    said = orip(folder, "run")
+    assert "stations 10 in F.STA" in said.err
+    assert "F.STA: P10 has a station from an earlier run or from elsewhere; take out" in said.err
     (folder / "F.STA").unlink()
     assert steps(folder)[0] == ("orip imu", "missing")
 
