@@ -215,6 +215,22 @@ def test_words_of_the_command_line(tmp_path: Path) -> None:
         assert (said.code, message in said.err) == (2, True), (words, said.err)
 
 
+def test_the_only_file_of_a_format_in_a_folder_is_read_whatever_its_name(tmp_path: Path) -> None:
+    cameras = "".join(f"{n}.jpg 3000 1 0 0 0 {n} 0 0 0 0\n" for n in range(3))
+    folder = tmp_path / "from vision"
+    folder.mkdir()
+    (folder / "notes.txt").write_text("NVM is in the other file\n", encoding="utf-8")
+    (folder / "church.nvm").write_text(f"NVM_V3\n\n3\n{cameras}\n0\n\n0\n", encoding="utf-8")
+    for words in (["from vision"], ["nvm", "from vision"]):
+        said = orip(tmp_path, "import", *words, f"new{len(words)}", "--frame", "3000x2000")
+        assert said.code == 0, said.err
+        assert "import   nvm: 3 photos" in said.err
+    (folder / "tower.nvm").write_bytes((folder / "church.nvm").read_bytes())
+    said = orip(tmp_path, "import", "from vision", "new")
+    assert said.code == 2
+    assert "several files of other programs: church.nvm (nvm), tower.nvm (nvm); name one of them" in said.err
+
+
 def test_a_genuine_model_as_a_free_network(tmp_path: Path) -> None:
     genuine("sceaux-9-text", tmp_path / "sceaux")
     said = orip(tmp_path, "import", "sceaux", "new")
