@@ -2,7 +2,7 @@
 
     PYTHONPATH=tests:benchmarks python benchmarks/screen_in_browser.py [PHOTOS]
 
-Needs Chromium and its driver, and `pip install 'orip[browser,images]'`. The photos of the sample project drone_rtk, 60 at
+Needs Chromium and its driver, and `pip install 'orip[browser,images]'`. Photos of the sample project drone_rtk, 60 at
 most, become images of 6000 x 4000 pixels with colours and details at all scales. Measured are
 
 - the first picture, from the page's address being opened until it is drawn: as a whole, then with all its tiles, with
@@ -162,7 +162,9 @@ def told_of_frames(events: list[dict[str, Any]]) -> None:
         found = max((each for key, each in work.items() if names.get(key) == thread), key=np.sum)
         middle, high, largest = np.percentile(found, [50, 95, 100])
         over = int((found > FRAME_MS).sum())
-        print(f"  {title:<11} p50 {middle:5.2f}  p95 {high:5.2f}  max {largest:5.2f} ms of CPU a frame; {over} over 16.7")
+        print(
+            f"  {title:<11} p50 {middle:5.2f}  p95 {high:5.2f}  max {largest:5.2f} ms of CPU a frame; {over} over 16.7"
+        )
 
 
 def looked_at(url: str, photos: int) -> None:
