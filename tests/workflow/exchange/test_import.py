@@ -10,6 +10,7 @@ import pytest
 from cli.command_line import orip
 from conversion.exchanged_blocks import PINHOLE, block
 from exchange.colmap_samples import genuine, small_model, written
+from reference.published_data import data_set
 
 from orip.errors import InputError
 from orip.exchange.colmap.model import ColmapCamera
@@ -243,6 +244,14 @@ def test_a_genuine_model_as_a_free_network(tmp_path: Path) -> None:
     # COLMAP has minimised the same residuals, with a robust loss or none: its sigma0 is 0.8269 / sqrt(2), and the
     # redundancy is 0.63 of the observations
     assert said.document["sigma0"] == pytest.approx(0.8269 / 2.0**0.5 / 0.628**0.5, rel=0.01)
+
+
+def test_a_size_that_cannot_be_right_is_questioned(tmp_path: Path) -> None:
+    """Its pixels are absolute: where the middle of the image is follows from its size."""
+    source = data_set("exchange") / "colmap" / "visualsfm" / "sceaux.nvm"
+    said = orip(tmp_path, "import", str(source), "new", "--frame", "3072x2048")
+    assert said.code == 3
+    assert "check that --frame 3072x2048 is the size of the images" in said.err
 
 
 def test_the_size_of_all_photos_is_asked_for_once(tmp_path: Path) -> None:
