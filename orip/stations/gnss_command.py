@@ -294,7 +294,7 @@ def _document(result: GnssResult, target: Path, *, dry_run: bool) -> dict[str, o
 
 def _add_point(invocation: Invocation, result: GnssResult, name: str, *, dry_run: bool) -> str:
     """Write a place into the control points of the project; return the name of their file."""
-    from orip.stations.interpolation import Exposures, stations_in_project
+    from orip.stations.in_project import Exposures, stations_in_project
     from orip.workflow.observations.control import add_control
     from orip.workflow.project.commit import carry_out
     from orip.workflow.records.commands import read_records

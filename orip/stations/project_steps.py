@@ -24,7 +24,14 @@ from orip.records.epochs import Epochs
 from orip.records.names import record_key
 from orip.records.receivers import EventSettings, GnssSettings, ImuSettings, NetworkSettings
 from orip.stations.exposures import Matching
-from orip.stations.imported import ImportedStations, ImportFiles, ImportSettings, import_stations, read_epochs
+from orip.stations.imported import (
+    ImportedStations,
+    ImportFiles,
+    ImportSettings,
+    has_rolling_shutter,
+    import_stations,
+    read_epochs,
+)
 from orip.structs import replace
 from orip.wording import agreeing, first_names
 from orip.workflow.project.commit import Change, commit
@@ -54,6 +61,7 @@ class _Task(Struct, frozen=True):
     files: tuple[Path, ...]
     settings: GnssSettings | ImuSettings | NetworkSettings
     output: Path
+    wants_motions: bool = False
 
 
 def station_steps(state: ProjectState) -> Iterator[Step]:
@@ -113,10 +121,11 @@ def _tasks(project: ProjectFolder) -> Iterator[_Task]:
         return
     events = [project.folder / name for name in (last.events, last.photo_times) if name]
     if imu is None:
-        yield _Task("orip stations import", (solution, *events), last, stations)
+        yield _Task("orip stations import", (solution, *events), last, stations, has_rolling_shutter(project))
         return
     positions = project.folder / imu.positions if imu.positions else solution
-    yield _Task("orip imu", (project.folder / imu.samples, positions, *events), imu, stations)
+    samples = project.folder / imu.samples
+    yield _Task("orip imu", (samples, positions, *events), imu, stations, has_rolling_shutter(project))
 
 
 def _digest(task: _Task) -> str:
@@ -127,7 +136,8 @@ def _digest(task: _Task) -> str:
             parts.append((path.name, *sorted(entry.name for entry in path.iterdir())))
         else:
             parts.append((path.name, file_digest(path) if path.is_file() else ""))
-    return record_digest((tuple(parts), task.settings, task.command))
+    wanted = ("motions",) if task.wants_motions else ()
+    return record_digest((tuple(parts), task.settings, task.command, *wanted))
 
 
 def _made_from(path: Path) -> str | None:
