@@ -19,6 +19,7 @@ from orip.images.matching.least_squares import Fate
 from orip.pictures.forecast import Forecast, Pace, Work
 from orip.pictures.matching.features import DETAIL
 from orip.pictures.matching.pairs import expected_pairs
+from orip.pictures.matching.tracks import parts_of
 from orip.pictures.matching_cache import MatchingCache
 from orip.pictures.tie_points import Picture, TiePoints, TieSettings, features_of, find_tie_points
 from orip.records.camera import Camera
@@ -303,7 +304,7 @@ def _weaknesses(photos: Sequence[str], found: TiePoints) -> list[ProjectWarning]
     if flat:
         text = f"fewer than {_FEW_FEATURES} features were found: the image is blurred, dark or without texture"
         warnings.append(ProjectWarning("few-features", _listed(flat), text))
-    group = _groups(found, len(photos))
+    group = parts_of(found.tracks, len(photos))
     if not len(found.tracks):
         return warnings
     alone = [name for name, count in zip(photos, np.bincount(group)[group], strict=True) if count == 1]
@@ -315,19 +316,6 @@ def _weaknesses(photos: Sequence[str], found: TiePoints) -> list[ProjectWarning]
         text = f"the photos fall into {parts} parts that no tie point connects: add photos between them, or control"
         warnings.append(ProjectWarning("block-in-parts", "", text))
     return warnings
-
-
-def _groups(found: TiePoints, count: int) -> NDArray[np.intp]:
-    """Return to which part of the block each photo belongs."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
-    tracks = found.tracks
-    nodes = count + len(tracks)
-    graph = coo_matrix((np.ones(len(tracks.track)), (tracks.photo, count + tracks.track)), shape=(nodes, nodes))
-    label = connected_components(graph, directed=False)[1][:count]
-    group: NDArray[np.intp] = np.unique(label, return_inverse=True)[1].astype(np.intp)
-    return group
 
 
 def _nothing_found(found: TiePoints) -> str:

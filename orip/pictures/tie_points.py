@@ -18,7 +18,7 @@ from orip.pictures.consistency import examine_rays
 from orip.pictures.forecast import Pace
 from orip.pictures.matching.features import Features, find_features, match_features
 from orip.pictures.matching.pairs import View, neighbouring_pairs, promising_pairs, verified_matches
-from orip.pictures.matching.tracks import Tracks, join_tracks, select_tracks
+from orip.pictures.matching.tracks import Tracks, join_tracks, parts_of, select_tracks
 from orip.pictures.matching.windows import (
     HALF,
     LEVELS,
@@ -113,7 +113,8 @@ class TiePoints(Struct, frozen=True):
     fates : dict of Fate to int
         Rays matched, and rejected.
     factor : float or None
-        By which the errors that the patches say were multiplied, as the rays among themselves say.
+        By which the errors that the patches say were multiplied, as the rays among themselves say; the largest one
+        of several parts of the block.
     """
 
     tracks: Tracks
@@ -183,11 +184,17 @@ def find_tie_points(
         tracks, place, error, fates = _refined(pictures, features, tracks, settings.matching)
     factor = None
     if settings.refines and settings.cameras and len(tracks):
-        examined = examine_rays(tracks, place, error, settings.cameras)
-        good = examined.is_good & (np.bincount(tracks.track, weights=examined.is_good)[tracks.track] >= 2)
+        part = parts_of(tracks, len(pictures))[tracks.photo]
+        good = np.ones(len(part), dtype=np.bool_)
+        for number in range(part.max() + 1):
+            here = np.flatnonzero(part == number)
+            examined = examine_rays(tracks.take(part == number), place[here], error[here], settings.cameras)
+            good[here] = examined.is_good
+            error[here] *= examined.factor or 1.0
+            factor = max((one for one in (factor, examined.factor) if one is not None), default=None)
+        good &= np.bincount(tracks.track, weights=good)[tracks.track] >= 2
         fates[Fate.CONTRADICTS] = int(np.count_nonzero(~good))
-        factor = examined.factor
-        tracks, place, error = tracks.take(good), place[good], (factor or 1.0) * error[good]
+        tracks, place, error = tracks.take(good), place[good], error[good]
     if settings.refines:
         reach = patch_reaches(of_rays(tracks, [photo.scale for photo in features]), half)
         final = select_tracks(tracks, place, error.mean(axis=1), reach, sizes, settings.points)

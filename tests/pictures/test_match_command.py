@@ -267,6 +267,16 @@ def test_nothing_to_match(plane: RenderedPlane, tmp_path: Path) -> None:
         assert not (folder / "TIES.MEA").exists()
 
 
+def test_photos_of_two_objects_are_two_parts_and_none_is_lost(plane: RenderedPlane, tmp_path: Path) -> None:
+    others = render(4, SIDE, np.random.default_rng(8), noise=4.0).photos
+    said = orip(project(tmp_path, [*plane.photos, *others]), "match", "--points", "60")
+    assert said.code == 0, said.told
+    assert "the photos fall into 2 parts" in said.err
+    rays = [list(found) for found in measured(tmp_path).values()]
+    assert {photo for found in rays for photo in found} == {f"P{number}" for number in range(8)}
+    assert all(len({int(photo[1:]) < 4 for photo in found}) == 1 for found in rays)
+
+
 def test_images_that_the_project_names(matched: Path, tmp_path: Path) -> None:
     for source in (*matched.glob("*.png"), matched / "orip.toml"):
         shutil.copy(source, tmp_path)

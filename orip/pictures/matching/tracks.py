@@ -73,6 +73,18 @@ def join_tracks(
     return found.take(~np.isin(track, wrong)), len(wrong)
 
 
+def parts_of(tracks: Tracks, photos: int) -> NDArray[np.intp]:
+    """Return to which part of the block each photo belongs: tracks join the photos of a part."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    nodes = photos + len(tracks)
+    graph = coo_matrix((np.ones(len(tracks.track)), (tracks.photo, photos + tracks.track)), shape=(nodes, nodes))
+    label = connected_components(graph, directed=False)[1][:photos]
+    found: NDArray[np.intp] = np.unique(label, return_inverse=True)[1].astype(np.intp)
+    return found
+
+
 def select_tracks(
     tracks: Tracks,
     place: NDArray[np.float64],
