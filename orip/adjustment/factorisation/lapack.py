@@ -121,13 +121,18 @@ def eliminate_panel(band: FloatArray, start: int, end: int, reach: int) -> int:
             _SOLVE_FULL, _letter("R"), _letter("L"), _letter("T"), _letter("N"), rest, count, _ONE, diagonal, stride,
             below, stride,
         )  # fmt: skip
-        strips = pairwise([*range(end, reach, _STRIP), reach])
-        by_threads(lambda strip: _subtract_square(band, start, end, reach, *strip), strips, _STRIPS_OF_A_THREAD)
+        # two strips with as many elements each: more of them take longer on one thread
+        between = [end + 32 * round(_FIRST_STRIP * (reach - end) / 32)] if reach - end > _TWO_STRIPS else []
+        strips = pairwise([end, *between, reach])
+        by_threads(lambda strip: _subtract_square(band, start, end, reach, *strip), strips, 1)
     return int(info)
 
 
-_STRIP, _STRIPS_OF_A_THREAD = 128, 2
-"""Columns from which a panel's product is subtracted at once, and how many such strips a thread pays for."""
+_TWO_STRIPS = 512
+"""Columns after a panel from which two threads pay."""
+
+_FIRST_STRIP = 1.0 - 0.5**0.5
+"""Part of the columns of a triangle that has half of its elements."""
 
 
 def _subtract_square(band: FloatArray, start: int, end: int, reach: int, first: int, last: int) -> None:
