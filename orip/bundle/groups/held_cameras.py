@@ -6,7 +6,7 @@ wrong: the photo points themselves absorb most of it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -53,14 +53,28 @@ def held_cameras(solved: SolvedBlock, weight: FloatArray) -> HeldCameras | None:
     parameters = list(_held(solved))
     if not parameters or len(solved.block.photo_points.photo) > _MOST_PHOTO_POINTS:
         return None
-    acts = np.vstack([_acts(part, parameters, solved) for part in _photo_points(solved).in_parts()])
-    photo_points = slice(0, len(acts))
-    weighted = weight[photo_points, None] * acts
-    values = weighted.T @ solved.equations.residual[photo_points]
-    square = weighted.T @ acts
-    number = np.count_nonzero(weighted, axis=0)
-    # of the rows of the normal equations: of others that are hardly different more than all would seem to be absorbed
-    right = solved.equations.design[photo_points].T @ weighted
+    count, size = len(parameters), solved.problem.layout.size
+    values, square, right, number = np.zeros(count), np.zeros((count,) * 2), np.zeros((size, count)), np.zeros(count)
+    first = 0
+    # what the rows of the normal equations absorb of others, of a state that is hardly different, may be more than all
+    for part in _photo_points(solved).in_parts():
+        rows = slice(first, first + len(part.rows.error))
+        first = rows.stop
+        _, (partials, columns) = partials_by_unknowns(part, solved.linearised_at, solved.problem.unknowns)
+        partials = partials / part.rows.error[:, None]
+        camera = np.repeat(part.camera, 2)
+        acts = np.column_stack(
+            # a parameter that is too large acts like photo coordinates that are too small by its partials
+            [np.where(np.isin(camera, one.cameras), -partials[:, one.place], 0.0) for one in parameters]
+        )
+        weighted = weight[rows, None] * acts
+        values += weighted.T @ solved.equations.residual[rows]
+        square += weighted.T @ acts
+        number += np.count_nonzero(weighted, axis=0)
+        touched = columns != CONSTANT
+        for place in range(count):
+            products = (partials * weighted[:, place, None])[touched]
+            right[:, place] += np.bincount(columns[touched], products, minlength=size)
     acting = np.flatnonzero(np.diag(square) > 0.0)
     if not len(acting):
         return None
@@ -69,14 +83,6 @@ def held_cameras(solved: SolvedBlock, weight: FloatArray) -> HeldCameras | None:
     moved = solved.normals.solve(right)
     sums = HeldParameters(values[acting], square[np.ix_(acting, acting)], right, moved)
     return HeldCameras(groups, number[acting].astype(np.int64), sums)
-
-
-def _acts(part: PhotoPointObservations, parameters: Sequence[_Parameter], solved: SolvedBlock) -> FloatArray:
-    """Return how photo coordinates (2 n, m), divided by their a-priori errors, change with the parameters."""
-    _, (partials, _) = partials_by_unknowns(part, solved.state, solved.problem.unknowns)
-    partials, camera = partials / part.rows.error[:, None], np.repeat(part.camera, 2)
-    # a parameter that is too large acts like photo coordinates that are too small by its partials
-    return np.column_stack([np.where(np.isin(camera, one.cameras), -partials[:, one.place], 0.0) for one in parameters])
 
 
 def _held(solved: SolvedBlock) -> Iterator[_Parameter]:
