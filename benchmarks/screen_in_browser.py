@@ -35,7 +35,7 @@ from screen.rendered_project import asked
 
 SAMPLE = Path(__file__).parents[1] / "sample_projects" / "drone_rtk"
 SIZE = (6000, 4000)
-IMAGES = 4
+IMAGES = 2
 """Different ones: decoding takes as long of one as of the others."""
 STEPS = 240
 FRAME_MS = 1000.0 / 60.0
