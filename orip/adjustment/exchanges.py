@@ -12,7 +12,7 @@ from msgspec import Struct
 from orip.adjustment.equations import Equations, Layout, OtherPlace
 from orip.adjustment.normals import SolvedNormals
 from orip.adjustment.residual_sums import factored_rows
-from orip.adjustment.weight_changes import LinearAdjustment
+from orip.adjustment.weight_changes import ORDINARY, LinearAdjustment, Thresholds
 from orip.adjustment.weight_search import MOST_ROUNDS, weights_of_lower_cost
 from orip.adjustment.weights import danish_costs
 from orip.arrays import BoolArray, FloatArray, IntArray
@@ -32,9 +32,6 @@ _NEAR = 0.7
 
 _CLOSE = 2.0
 """Part of the limit up to which observations are tried where many have lost weight: they may fit with full weight."""
-
-_FAR = 40.0
-"""Parts of the limit from which a residual is too far off for linear theory."""
 
 _FEW, _MOST_PART = 12, 0.1
 """Observations that may have lost weight, and their part of all: more are not wrong one by one, but with a photo."""
@@ -133,8 +130,7 @@ def exchanges_to_try(
     limit: float,
     among: BoolArray,
     rounds: int = MOST_ROUNDS,
-    *,
-    hidden: bool = False,
+    thresholds: Thresholds = ORDINARY,
 ) -> tuple[Exchange, ...]:
     """Return exchanges that lower the robust cost of a converged solution, or may lower it, the most promising first.
 
@@ -150,16 +146,13 @@ def exchanges_to_try(
     among : array (n,) of bool
         Observations that may be exchanged.
     rounds : int
-    hidden : bool
-        Look for what hides behind other observations, and leave without weight what is too far off to be linear.
+    thresholds : Thresholds
     """
-    if hidden:
-        among = among & ((weights >= 1.0) | (np.abs(equations.residual) < _FAR * limit))
     rows = _rows_to_exchange(equations, weights, layout, limit, among)
     cofactor = factored_rows(equations, weights, normals, layout, rows).cofactor()
     leverage = weights[rows] * np.diag(cofactor)
-    least = limit * (np.minimum(0.5, 1.0 - leverage) if hidden else 0.5)
-    related = _related(cofactor, weights[rows]) | (np.abs(equations.residual[rows]) > least)
+    is_large = np.abs(equations.residual[rows]) > thresholds.residuals(1.0 - leverage, limit)
+    related = _related(cofactor, weights[rows]) | is_large
     rows, cofactor = rows[related], cofactor[np.ix_(related, related)]
     # the residuals after one more correction with the same normal equations
     weighted = np.where(equations.active, weights, 0.0) * equations.residual
@@ -168,7 +161,7 @@ def exchanges_to_try(
     residual = equations.residual[rows] - equations.design[rows] @ correction
     square_sum = float(weighted @ np.where(equations.active, equations.residual, 0.0) - right @ correction)
     weight = weights[rows]
-    start = LinearAdjustment(cofactor, residual, weight, square_sum, hidden)
+    start = LinearAdjustment(cofactor, residual, weight, square_sum, thresholds)
     ends = weights_of_lower_cost(start, limit, rounds)
     return tuple(_exchange(weight, end, rows, equations, normals) for end in ends)
 

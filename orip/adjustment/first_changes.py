@@ -18,12 +18,9 @@ _COMMON = (0.1, 0.2, 0.4)
 _LIKE, _MOST_ALIKE, _MOST_PAIRS = 1.25, 12, 60
 """Ratio up to which residuals are alike, one to the next; most of them that are taken back together; and most pairs."""
 
-_SMALL, _HIDING, _MOST_HIDDEN = 0.1, 0.2, 16
-"""Part of the limit below which no residual is looked at; correlation of residuals above which two observations hide
-each other; and most pairs of these that are left out together."""
-
-_MOST_CLOSELY, _TOGETHER = 100, 1e-5
-"""The same, and the least determinant of the redundancy of two, where what hides is looked for at the end."""
+_SMALL, _HIDING = 0.1, 0.2
+"""Part of the limit below which no residual is looked at; and correlation of residuals above which two observations
+hide each other."""
 
 _NOT_ZERO = _NO_WEIGHT = 1e-10
 
@@ -79,13 +76,13 @@ def _hiding_each_other(start: LinearAdjustment, limit: float) -> tuple[IntArray,
     determinant = free[one] * free[other] - common**2
     residual = np.column_stack([start.residual[one], start.residual[other]])
     crossed = np.column_stack([free[other], free[one]]) * residual + common[:, None] * residual[:, ::-1]
-    testable = determinant > (_TOGETHER if start.hidden else TESTABLE**2)
+    testable = determinant > start.thresholds.determinant
     one, other, residual = one[testable], other[testable], residual[testable]
     size = np.abs(crossed[testable] / determinant[testable, None])
     square_sums = (residual * crossed[testable] / determinant[testable, None]).sum(axis=1)
     costs = danish_costs(size, limit).sum(axis=1) - square_sums / 2.0
     chosen = np.flatnonzero((size > limit).all(axis=1))
-    chosen = chosen[np.argsort(costs[chosen], kind="stable")[: _MOST_CLOSELY if start.hidden else _MOST_HIDDEN]]
+    chosen = chosen[np.argsort(costs[chosen], kind="stable")[: start.thresholds.most_pairs]]
     return np.column_stack([one, other])[chosen], np.exp(-size[chosen] / limit)
 
 
@@ -154,7 +151,7 @@ def _joined(lots: Sequence[Ways]) -> Ways:
         np.vstack([ways.leverage for ways in lots]),
         np.vstack([ways.weight for ways in lots]),
         np.concatenate([ways.square_sum for ways in lots]),
-        lots[0].hidden,
+        lots[0].thresholds,
         tuple(np.concatenate([factor[n] for factor, _ in padded]) for n in range(changes)),
         tuple(np.concatenate([effect[n] for _, effect in padded]) for n in range(changes)),
     )

@@ -28,13 +28,16 @@ from orip.adjustment.exchanges import (
 from orip.adjustment.iteration_state import Candidate, IterationSettings, IterationState, Tried
 from orip.adjustment.normals import SolvedNormals, solve_normals
 from orip.adjustment.sparse_rows import SparseRows
-from orip.adjustment.weight_changes import LEAST_GAIN, are_many
+from orip.adjustment.weight_changes import HIDDEN, LEAST_GAIN, are_many
 from orip.adjustment.weight_search import MOST_ROUNDS
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.structs import replace
 
 _LONGEST_ATTEMPT = 8
 """Iterations after which an attempt at a better solution is given up."""
+
+_FAR = 40.0
+"""Parts of the limit from which a residual is too far off for linear theory."""
 
 _MOST_EXCHANGES = 3
 """Exchanges that are tried at one solution."""
@@ -144,15 +147,14 @@ def _hidden(
     problem: Problem[StateT], now: IterationState[StateT], weights: FloatArray, normals: SolvedNormals
 ) -> tuple[Candidate[StateT], ...]:
     """Return where exchanges lead with which observations lose their weight that hide behind others."""
-    limit, equations = (
-        now.weighing.final_limit,
-        replace(now.current.equations, rows=SparseRows(now.current.equations.design)),
-    )
+    limit = now.weighing.final_limit
+    equations = replace(now.current.equations, rows=SparseRows(now.current.equations.design))
     among = wrong_one_by_one(equations, weights, limit) | wrong_by_themselves(equations, weights)
     if not are_many(weights[among], equations.residual[among], limit):
         return ()
+    among &= (weights >= 1.0) | (np.abs(equations.residual) < _FAR * limit)
     bound, found = normals.with_constraints(equations), []
-    for exchange in exchanges_to_try(equations, weights, bound, problem.layout, limit, among, hidden=True):
+    for exchange in exchanges_to_try(equations, weights, bound, problem.layout, limit, among, thresholds=HIDDEN):
         found += _where_it_leads(problem, now, exchange, equations, weights, bound)
     lower = sorted((one for one in found if one[0] < _cost(now) - LEAST_GAIN * limit**2), key=itemgetter(0))
     return tuple(candidate for _, candidate in lower[:_MOST_EXCHANGES])

@@ -52,8 +52,10 @@ class Adjustment(Struct, Generic[StateT], frozen=True):
     weight_factors : array (n,)
         Those of the final state; 0 for observations that take no part.
     normals : SolvedNormals
-        Factored with the final weights. They and the rows of the equations belong to the final state, or to the one
-        before the last iteration where that one changed next to nothing.
+        Factored with the final weights.
+    linearised_at : state of the problem
+        State of the normal equations and of the rows of the equations: the final one, or the one before the last
+        iteration where that one changed next to nothing.
     iterations : tuple of IterationRecord
     reason : TerminationReason
     weighing : Weighing
@@ -64,6 +66,7 @@ class Adjustment(Struct, Generic[StateT], frozen=True):
     equations: Equations
     weight_factors: FloatArray
     normals: SolvedNormals
+    linearised_at: StateT
     iterations: tuple[IterationRecord, ...]
     reason: TerminationReason
     weighing: Weighing
@@ -83,7 +86,7 @@ class _Step(NamedTuple, Generic[StateT]):
     """A step that was taken: its normal equations, where it began and ended, and what it leaves to the next one."""
 
     normals: SolvedNormals
-    before: Equations
+    before: Linearised[StateT]
     moved: Linearised[StateT]
     limited: bool
     damped: bool
@@ -128,7 +131,7 @@ def adjust(
         steady = weights_are_steady(weights, next_weights)
         if not steady or _has_exact_constraints(now.current.equations):
             now = replace(now, acceleration=Acceleration())
-        reason = _termination_reason(now, step.before, settings, steady=steady, stop_asked=stop_asked())
+        reason = _termination_reason(now, step.before.equations, settings, steady=steady, stop_asked=stop_asked())
         now, reason = _improved(problem, now, step, weights, settings, reason, settled=steady and _is_settled(now))
         if reason is None and len(now.records) >= settings.max_iterations:
             reason = TerminationReason.CONVERGED if now.had_converged else TerminationReason.MAX_ITERATIONS
@@ -139,12 +142,14 @@ def adjust(
     equations, normals = now.current.equations, None
     # damped normal equations are not those of the solution
     is_near = now.records[-1].enp >= _SAME_PLACE_ENP and now.current is step.moved and not step.damped
-    if is_near and np.array_equal(_effective(step.before, weights), final):
-        equations, normals = replace(equations, rows=step.before.rows), step.normals
+    linearised_at = now.current.state
+    if is_near and np.array_equal(_effective(step.before.equations, weights), final):
+        equations, normals = replace(equations, rows=step.before.equations.rows), step.normals
+        linearised_at = step.before.state
     del step
     if normals is None:
         normals = solve_normals(equations, final, problem.layout, settings.max_lost_digits)
-    return Adjustment(now.current.state, equations, final, normals, now.records, reason, now.weighing)
+    return Adjustment(now.current.state, equations, final, normals, linearised_at, now.records, reason, now.weighing)
 
 
 def _improved(
@@ -230,7 +235,7 @@ def _controlled_step(
         if not control.damping:
             if _is_accepted(now, weights, normals, moved.equations, control.accepts_correction):
                 history = accelerated.history.applied(step)
-                return _Step(normals, before, moved, factor < 1.0, False, control.relaxed(), history)
+                return _Step(normals, now.current, moved, factor < 1.0, False, control.relaxed(), history)
             control = control.refused()
             if control.is_far(normals):
                 moved = _linearised(problem, problem.with_blocks_recomputed(moved.state))
@@ -238,7 +243,7 @@ def _controlled_step(
         accepted = _is_accepted(now, weights, normals, moved.equations, control.accepts_fitted)
         if accepted or not control.can_damp_more:
             damped = control.damping > 0.0
-            return _Step(normals, before, moved, True, damped, control.relaxed(), Acceleration())
+            return _Step(normals, now.current, moved, True, damped, control.relaxed(), Acceleration())
         control = control.refused().strengthened()
         # the next attempt needs their memory
         del normals, moved

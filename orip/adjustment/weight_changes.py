@@ -24,6 +24,38 @@ _LEAST_FACTOR = 1e-3
 """By which a residual is divided where its weight changes."""
 
 
+class Thresholds(Struct, frozen=True):
+    """What may be changed in a search for a lower cost.
+
+    Parameters
+    ----------
+    doubtful : float
+        Part of the limit above which the residual of an observation has to be for it to lose its weight; half, or its
+        redundancy number where that is less, but not less than this.
+    determinant : float
+        Least determinant of the redundancy of two observations that lose their weights together.
+    most_pairs : int
+        Most pairs of these.
+    most_ends : int
+        Most ends, without such pairs and what fits least then, that are looked at without the linearisation.
+    """
+
+    doubtful: float
+    determinant: float
+    most_pairs: int
+    most_ends: int
+
+    def residuals(self, redundancy: FloatArray, limit: float) -> FloatArray:
+        """Return the residuals above which observations with these redundancy numbers may lose their weight."""
+        return limit * np.clip(redundancy, self.doubtful, 0.5)
+
+
+ORDINARY = Thresholds(0.5, TESTABLE**2, 16, 0)
+
+HIDDEN = Thresholds(0.0, 1e-5, 100, 4)
+"""At the end: what has a small residual because it determines something nearly alone, or behind others like it."""
+
+
 class LinearAdjustment(Struct, frozen=True):
     """c observations of a linear adjustment.
 
@@ -34,15 +66,14 @@ class LinearAdjustment(Struct, frozen=True):
     residual, weight : arrays (c,)
     square_sum : float
         Weighted square sum of all observations of the adjustment, these and others.
-    hidden : bool
-        Observations may lose their weight whose residuals are small because they alone determine something, nearly.
+    thresholds : Thresholds
     """
 
     cofactor: FloatArray
     residual: FloatArray
     weight: FloatArray
     square_sum: float
-    hidden: bool = False
+    thresholds: Thresholds = ORDINARY
 
     def residuals_with(self, weights: FloatArray) -> FloatArray:
         """Return the residuals (c,) with other weights (c,)."""
@@ -62,7 +93,7 @@ class LinearAdjustment(Struct, frozen=True):
             self.residual - spread.T @ residual,
             weights,
             self.square_sum + float(residual @ np.linalg.solve(inner, residual)),
-            self.hidden,
+            self.thresholds,
         )
 
 
@@ -76,7 +107,7 @@ class Ways(Struct, frozen=True):
     residual, leverage, weight : arrays (s, c)
         v, the diagonal of H, and the weights after them.
     square_sum : array (s,)
-    hidden : bool
+    thresholds : Thresholds
     factor, effect : tuples of k arrays (s,), (s, c)
         g and H_i of the changes.
     """
@@ -86,7 +117,7 @@ class Ways(Struct, frozen=True):
     leverage: FloatArray
     weight: FloatArray
     square_sum: FloatArray
-    hidden: bool
+    thresholds: Thresholds
     factor: tuple[FloatArray, ...] = ()
     effect: tuple[FloatArray, ...] = ()
 
@@ -94,7 +125,7 @@ class Ways(Struct, frozen=True):
         """Return some of the ways; one may be chosen several times."""
         return Ways(
             self.cofactor, self.residual[ways], self.leverage[ways], self.weight[ways], self.square_sum[ways],
-            self.hidden,
+            self.thresholds,
             tuple(factor[ways] for factor in self.factor), tuple(effect[ways] for effect in self.effect),
         )  # fmt: skip
 
@@ -114,7 +145,7 @@ class Ways(Struct, frozen=True):
             self.leverage - factor[:, None] * column**2,
             after,
             self.square_sum + factor * self.residual[ways, rows] ** 2,
-            self.hidden,
+            self.thresholds,
             (*self.factor, factor),
             (*self.effect, column),
         )
@@ -136,7 +167,7 @@ class Ways(Struct, frozen=True):
     def gains(self, limit: float) -> tuple[FloatArray, FloatArray]:
         """Return the change (s, c) of the cost by changing each observation, and the weights (s, c) that it has then.
 
-        One that has lost weight is taken back; one whose residual is more than half the limit loses its weight. What
+        One that has lost weight is taken back; one whose residual is large enough loses its weight. What
         the others contribute to the cost is taken as unchanged. Infinite for all that cannot be changed.
         """
         weights, gains = self._other_weights(limit), np.full(self.weight.shape, np.inf)
@@ -158,8 +189,8 @@ class Ways(Struct, frozen=True):
         """
         weights = np.where(self.weight < 1.0, 1.0, self.weight)
         free = 1.0 - self.leverage
-        least = limit * np.minimum(0.5, free) if self.hidden else limit / 2.0
-        in_use = (self.weight >= 1.0) & (np.abs(self.residual) > least) & (free > TESTABLE)
+        is_large = np.abs(self.residual) > self.thresholds.residuals(free, limit)
+        in_use = (self.weight >= 1.0) & is_large & (free > TESTABLE)
         places = np.nonzero(in_use)
         size, leverage = np.abs(self.residual[places]), self.leverage[places]
         weight = np.zeros(len(size))
@@ -178,7 +209,8 @@ def begun(start: LinearAdjustment, ways: int) -> Ways:
 
     leverage = np.diag(start.cofactor)
     residual, weight = repeated(start.residual), repeated(start.weight)
-    return Ways(start.cofactor, residual, repeated(leverage), weight, np.full(ways, start.square_sum), start.hidden)
+    square_sum = np.full(ways, start.square_sum)
+    return Ways(start.cofactor, residual, repeated(leverage), weight, square_sum, start.thresholds)
 
 
 _MANY = 8

@@ -75,11 +75,11 @@ def weights_of_lower_cost(start: LinearAdjustment, limit: float, rounds: int = M
 
 def _behind_others(start: LinearAdjustment, at_start: float, limit: float) -> list[FloatArray]:
     """Return the weights (c,) of lower cost to which the Danish method leads without what hides each other."""
-    if not start.hidden:
+    if not start.thresholds.most_ends:
         return []
     ends = [_settled(start, _End(np.inf, weight), limit) for weight in left_out_together(start, limit)]
     lower = [end for end in ends if end.cost < at_start - LEAST_GAIN * limit**2]
-    return [end.weight for end in sorted(lower, key=itemgetter(0))[: _MOST_FOUND // 2]]
+    return [end.weight for end in sorted(lower, key=itemgetter(0))[: start.thresholds.most_ends]]
 
 
 def _settled_after_first_changes(start: LinearAdjustment, limit: float) -> LinearAdjustment:

@@ -229,8 +229,8 @@ def _with_precision(problem: BlockProblem, found: Adjustment[BlockState]) -> Sol
     effective = problem.layout.unknowns - int(np.count_nonzero(normals.removed))
     variance = variance_of_unit_weight(equations, found.weight_factors, precision.leverage, effective)
     return SolvedBlock(
-        found.state, equations, found.weight_factors, normals, found.iterations, found.reason, found.weighing, problem,
-        precision, variance,
+        found.state, equations, found.weight_factors, normals, found.linearised_at, found.iterations, found.reason,
+        found.weighing, problem, precision, variance,
     )  # fmt: skip
 
 

@@ -318,6 +318,9 @@ FORMATS: tuple[Format, ...] = (
 )
 
 
+_MOST_FILES = 100
+"""Of a folder, that are looked at."""
+
 FORMATS_READ = tuple(one for one in FORMATS if one.read is not None)
 FORMATS_WRITTEN = tuple(one for one in FORMATS if one.write is not None)
 
@@ -350,14 +353,39 @@ def guessed_format(path: Path) -> Format:
     UsageError
         If it looks like none, or like several.
     """
+    return guessed_source(path)[0]
+
+
+def guessed_source(path: Path) -> tuple[Format, Path]:
+    """Return the format that a file or folder probably has, and what is to be read.
+
+    That is the only file that is of a format where the folder itself, by the names of its files, is of none.
+
+    Raises
+    ------
+    UsageError
+        If it looks like none, or like several.
+    """
     if not path.exists():
         message = f"there is no '{path}'; name the file or folder of the other program"
         raise UsageError(message)
-    found = [one for one in FORMATS_READ if one.recognises(path)]
+    found = [(one, path) for one in FORMATS_READ if one.recognises(path)]
+    if not found and path.is_dir():
+        found = files_of_formats(path, FORMATS_READ)
     if len(found) == 1:
         return found[0]
-    names = ", ".join(one.name for one in found or FORMATS_READ)
+    if found and found[0][1] != path:
+        files = ", ".join(f"{file.name} ({form.name})" for form, file in found)
+        message = f"{path} has several files of other programs: {files}; name one of them"
+        raise UsageError(message)
+    names = ", ".join(one.name for one, _ in found) or ", ".join(one.name for one in FORMATS_READ)
     what = "may be of several formats" if found else "looks like none of the formats"
     photos = "; a folder of photographs is for 'orip photos'" if path.is_dir() and not found else ""
     message = f"{path} {what}; name the format before it: FORMAT {path}, with one of {names}{photos}"
     raise UsageError(message)
+
+
+def files_of_formats(folder: Path, known: Sequence[Format]) -> list[tuple[Format, Path]]:
+    """Return the files of a folder that look like one of some formats, of the first hundred of any kind."""
+    files = sorted(path for path in folder.iterdir() if path.is_file())[:_MOST_FILES]
+    return [(one, file) for file in files for one in known if one.recognises(file)]

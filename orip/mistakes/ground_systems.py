@@ -11,7 +11,6 @@ from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
 from orip.mistakes.hypothesis import Hypothesis, finding, photos_stay_near
 from orip.mistakes.other_units import FEET_AND_METRES, LENGTH_UNITS, control_unit_text
-from orip.prelim.similarity.control_reading import camera_side
 from orip.records.block import Block
 from orip.records.control import ControlPoint
 from orip.records.ground import PlainGround
@@ -173,6 +172,8 @@ def mirrored_control(block: Block) -> Iterator[Hypothesis]:
 
 def _reflect_control(solved: SolvedBlock) -> list[ProjectWarning]:
     """Return a warning of which reflection it is: with Z reversed the cameras are below the ground, looking up."""
+    from orip.prelim.similarity.control_reading import camera_side
+
     text = "the control fits the photos as a mirror image: "
     if camera_side(solved.state.rotations) < 0.0:
         text += "Z of the control seems to have the opposite sign (depths in place of heights); reverse the sign of Z"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from msgspec import Struct
@@ -15,9 +16,11 @@ from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.interior.image_coordinates import are_equidistant, image_vectors, suit_plane_image
 from orip.mistakes.hypothesis import Hypothesis, Readjuster, finding, fit_of_adjustment, is_good
 from orip.mistakes.photo_coordinates import exchanged_axes
-from orip.prelim.resection.resection import Resected, resect
 from orip.records.block import Block
 from orip.structs import replace
+
+if TYPE_CHECKING:  # most blocks need none
+    from orip.prelim.resection.resection import Resected
 
 _LARGEST_SIGMA0 = 6.0
 """sigma0 of the others above which a complete adjustment without the photo is not worth its time: three times that of a
@@ -168,6 +171,8 @@ def _fit(block: Block, photo: int, known: FloatArray, scale: float) -> _Fit | No
     rows, vectors = rows[near], vectors[near]
     if len(rows) < FEWEST:
         return None
+    from orip.prelim.resection.resection import Resected, resect
+
     resected = resect(vectors, known[points.point[rows]], error_mm=error)
     if not isinstance(resected, Resected):
         return None

@@ -6,6 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
+from itertools import count
 from string import digits
 
 import numpy as np
@@ -265,10 +266,10 @@ def _first_of_each_code(warnings: Sequence[ProjectWarning]) -> Iterator[ProjectW
         counts[warning.code] += 1
         if counts[warning.code] <= MOST_WARNINGS:
             yield warning
-    for code, count in counts.items():
-        if count > MOST_WARNINGS:
+    for code, total in counts.items():
+        if total > MOST_WARNINGS:
             what = "look like others" if code == "look-alike-names" else "are not used either"
-            yield ProjectWarning(code, "", f"{count - MOST_WARNINGS} more {_NAMES[code]} {what}")
+            yield ProjectWarning(code, "", f"{total - MOST_WARNINGS} more {_NAMES[code]} {what}")
 
 
 def _unplaced(points: Container[str], *names: str) -> str:
@@ -325,13 +326,16 @@ def _shared(points: IndexedPhotoPoints, order: IntArray, near: float, reach: flo
     """
     point, x = points.point[order], points.xy[order, 0]
     found = [np.empty((0, 3), dtype=np.int64)]
-    for offset in range(1, int(np.bincount(point).max(initial=0))):
-        for part in parts(len(order) - offset):
-            other = slice(part.start + offset, part.stop + offset)
-            is_pair = (point[part] == point[other]) & (np.abs(x[part] - x[other]) <= reach)
-            first = part.start + np.flatnonzero(is_pair)
-            if len(first):
-                found.append(_pairs(points, order[first], order[first + offset], near))
+    for part in parts(len(order)):
+        first = np.arange(part.start, part.stop)
+        for offset in count(1):
+            first = first[: np.searchsorted(first, len(order) - offset)]
+            first = first[point[first] == point[first + offset]]
+            if not len(first):
+                break
+            close = first[np.abs(x[first] - x[first + offset]) <= reach]
+            if len(close):
+                found.append(_pairs(points, order[close], order[close + offset], near))
     return np.concatenate(found)
 
 

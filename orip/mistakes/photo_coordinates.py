@@ -6,15 +6,16 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from orip.arrays import FloatArray, IntArray
+from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.errors import ProjectWarning
+from orip.geometry.fitted_planes import FittedPlanes, fitted_planes
 from orip.interior.definitions import Definitions
 from orip.mistakes.hypothesis import Hypothesis, finding, photos_stay_near
 from orip.records.block import Block
 from orip.records.camera import Camera, Sensor
-from orip.records.coded_names import coded
+from orip.records.coded_names import CodedNames, coded
 from orip.records.measurement import PhotoObservations
-from orip.records.names import places_of_names, record_key
+from orip.records.names import record_key
 from orip.records.photo import Photo
 from orip.records.results.solution import Solution
 from orip.structs import replace
@@ -287,12 +288,9 @@ def mirrored_plane(block: Block, solution: Solution) -> list[ProjectWarning]:
     known = np.isfinite(given).all(axis=1)
     if np.count_nonzero(known) < _FEWEST_IN_A_PLANE or len(points) <= _FEWEST_IN_A_PLANE + 1:
         return []
-    plane = _plane(points)
-    if plane is None:
-        return []
-    centroid, normal = plane
-    sides = (given[known] - centroid) @ normal * ((solution.photos.values[known, :3] - centroid) @ normal)
-    if not (sides < 0.0).all():
+    plane = fitted_planes(points, np.zeros(len(points), dtype=np.int64), 1)
+    sides = plane.beside(given[known]) * plane.beside(solution.photos.values[known, :3])
+    if not (_is_flat(plane, _FLAT).all() and (sides < 0.0).all()):
         return []
     text = (
         "the adjustment puts them on the other side of the plane of the points than given: the photos or the control "
@@ -311,32 +309,27 @@ def mirrored_alone(block: Block, solution: Solution) -> list[ProjectWarning]:
         As gathered: with the projection centres that were given.
     solution : Solution
     """
-    from scipy.sparse import csr_array  # measuring takes none
-
     given, found = block.ground.to_project(block.photo_orientation[:, :3]), solution.photos.values[:, :3]
-    place = places_of_names(solution.points.names)
-    ground = solution.points.values[[place[name] for name in block.point_names]]
     points, count = block.photo_points, len(block.photos)
+    of_block = CodedNames(block.point_names, np.arange(len(block.point_names)))
+    ground = solution.points.values[of_block.places_among(solution.points.names)]
     is_known = np.asarray(np.isfinite(ground).all(axis=1))
     rows = points.in_use & is_known[points.point]
-    seen = csr_array((np.ones(np.count_nonzero(rows)), (points.photo[rows], points.point[rows])), (count, len(ground)))
+    photo, point = points.photo[rows], points.point[rows]
+    planes = fitted_planes(ground[point], photo, count)
+    least, there, here = _BESIDE * planes.extent[:, 0], planes.beside(given), planes.beside(found)
+    may_be = _is_flat(planes, _NEARLY_FLAT) & (np.abs(here) > least) & (there * np.sign(here) < -least)
     names = []
-    for photo in np.flatnonzero(np.isfinite(given).all(axis=1)).tolist():
-        own = seen.indices[seen.indptr[photo] : seen.indptr[photo + 1]]
-        plane = _plane(ground[own], _NEARLY_FLAT)
-        if plane is None:
-            continue
-        centroid, normal = plane
-        least = _BESIDE * float(np.std((ground[own] - centroid) @ normal))
-        there, here = (given[photo] - centroid) @ normal, (found[photo] - centroid) @ normal
-        if abs(here) <= least or there * np.sign(here) >= -least:
-            continue
-        beside = (found - centroid) @ normal
-        side = np.where(np.abs(beside) > least, np.sign(beside), 0.0)
-        others = seen @ seen[[photo]].toarray()[0] >= max(_FEWEST_OF_ONE, _SHARED * len(own))
-        others[photo] = False
-        if others.any() and (side[others] * side[photo] < 0.0).all():
-            names.append(block.photos[photo].name)
+    for row in np.flatnonzero(may_be).tolist():
+        beside = planes.beside(found, row)
+        side = np.where(np.abs(beside) > least[row], np.sign(beside), 0.0)
+        is_own = np.zeros(len(ground), dtype=bool)
+        is_own[point[photo == row]] = True
+        shared = np.bincount(photo[is_own[point]], minlength=count)
+        others = shared >= max(_FEWEST_OF_ONE, _SHARED * shared[row])
+        others[row] = False
+        if others.any() and (side[others] * side[row] < 0.0).all():
+            names.append(block.photos[row].name)
     text = (
         "the adjustment puts it on the other side of the plane of its points than given, and than all photos that show "
         "them: it is a mirror image. Pixel rows may count upwards or columns from the right, x and y may be exchanged, "
@@ -346,13 +339,8 @@ def mirrored_alone(block: Block, solution: Solution) -> list[ProjectWarning]:
     return [ProjectWarning("mirrored", f"photo {name}", text) for name in names if few]
 
 
-def _plane(points: FloatArray, flat: float = _FLAT) -> tuple[FloatArray, FloatArray] | None:
-    """Return the middle (3,) of points and the normal (3,) of their plane; None where they lie in none."""
-    if len(points) < _FEWEST_OF_ONE:
-        return None
-    centroid = points.mean(axis=0)
-    squares, axes = np.linalg.eigh((points - centroid).T @ (points - centroid))  # ascending
-    return None if squares[0] > flat**2 * squares[1] else (centroid, axes[:, 0])
+def _is_flat(planes: FittedPlanes, flat: float) -> BoolArray:
+    return (planes.number >= _FEWEST_OF_ONE) & (planes.extent[:, 0] <= flat * planes.extent[:, 1])
 
 
 _X, _Y = 0, 1

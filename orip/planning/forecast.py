@@ -271,8 +271,8 @@ def forecast(block: Block) -> Forecast:
     record = IterationRecord(1, ENP_LIMIT, 1.0, 0, removed, False, int(np.count_nonzero(equations.active)))
     weighing = weighing_from(block.definition.max_standard_residual, None, early=False)
     solved = SolvedBlock(
-        state, equations, weights, normals, (record,), TerminationReason.CONVERGED, weighing, problem, precision,
-        variance,
+        state, equations, weights, normals, state, (record,), TerminationReason.CONVERGED, weighing, problem,
+        precision, variance,
     )  # fmt: skip
     kept = (one for one in diagnose(solved) if not (one.code == "not-significant" and "not significant" in one.text))
     return Forecast(solution_of(solved), solved, tuple(kept))

@@ -19,6 +19,9 @@ from orip.records.names import places_of_names, record_key
 
 T = TypeVar("T")
 
+_FEW = 8
+"""Different names up to which comparing is faster than looking up."""
+
 
 @final
 class CodedNames(Sequence[str]):
@@ -87,8 +90,7 @@ class CodedNames(Sequence[str]):
 
     def without_unused(self) -> CodedNames:
         """Return the same names without those that no row has; the others keep their order."""
-        is_used = np.zeros(len(self.distinct), dtype=bool)
-        is_used[self.codes] = True
+        is_used = np.bincount(self.codes, minlength=len(self.distinct)) > 0
         if is_used.all():
             return self
         number = np.cumsum(is_used) - 1
@@ -113,9 +115,14 @@ class CodedNames(Sequence[str]):
     def where(self, is_meant: Callable[[str], bool]) -> BoolArray:
         """Return for which rows (n,) a condition on the name holds."""
         meant = np.fromiter(map(is_meant, self.distinct), np.bool_, len(self.distinct))
-        chosen = np.flatnonzero(meant)
-        # of a kind or a component: comparing is several times faster than looking up
-        return np.asarray(self.codes == int(chosen[0]) if len(chosen) == 1 else meant[self.codes])
+        chosen = np.flatnonzero(meant).tolist()
+        if len(chosen) > _FEW:
+            return np.asarray(meant[self.codes])
+        # of a kind or a component: comparing is many times faster than looking up
+        found = np.zeros(len(self), dtype=bool)
+        for number in chosen:
+            found |= self.codes == number
+        return found
 
     def values(self, value_of: Callable[[str], T]) -> list[T]:
         """Return for each row the value that a function gives its name."""

@@ -11,11 +11,11 @@ from msgspec import Struct
 
 from orip.arrays import BoolArray, IntArray
 from orip.records.camera import CAMERA_UNITS
-from orip.records.coded_names import coded
+from orip.records.coded_names import CodedNames, coded
 from orip.records.definition import ANTENNA_UNITS, RATES
 from orip.records.figures import FIGURE_LENGTHS, FIGURE_TILTS
 from orip.records.measurement import PhotoObservations
-from orip.records.names import record_key
+from orip.records.names import places_of_names, record_key
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.rig import OFFSET
 
@@ -170,6 +170,14 @@ def point_of_measurement(name: str) -> str:
         return name
     point, _, number = name.rpartition(" (")
     return point if point and number.removesuffix(")").isdigit() else name
+
+
+def places_of_measured(measured: CodedNames, points: tuple[str, ...]) -> IntArray:
+    """Return the place among points of each different name (m,) of measurements; -1 where it has none."""
+    place = CodedNames(measured.distinct, np.arange(len(measured.distinct))).places_among(points)
+    for other in np.flatnonzero(place < 0).tolist():  # measured twice in a photo, or no point
+        place[other] = places_of_names(points).get(point_of_measurement(measured.distinct[other]), -1)
+    return place
 
 
 def photos_per_point(photo: IntArray, point: IntArray, chosen: BoolArray, points: int) -> IntArray:

@@ -15,6 +15,9 @@ from msgspec import Struct
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 
+NO_CONTROL = "no control point is in the block, 3 are needed"
+"""Why a block, or a photo, is not oriented."""
+
 
 class PartialBlock(Struct, frozen=True):
     """Photos and points in one system: a model, a strip of bridged models, or the block.

@@ -159,7 +159,7 @@ def _differ(points: ComparedPoints, solution: Solution) -> str:
 
 def _shortened(given: ReportInput, kind: ComparedKind) -> PageTable | None:
     """Return the table of the points that fit least, if they are many, in their order."""
-    points = compared_points(given.solution, kind)
+    points = given.compared[kind]
     if len(points) <= MOST_ROWS:
         return compared_table(given, kind)
     worst = np.nan_to_num(np.nanmax(np.nan_to_num(points.w, nan=-1.0), axis=1), nan=-1.0)

@@ -9,7 +9,7 @@ import numpy as np
 
 from orip.arrays import FloatArray, IntArray
 from orip.bundle.groups.words import group_name, unit_of_group
-from orip.bundle.results.compared_points import AXES, ComparedKind, ComparedPoints, compared_points, image_residuals
+from orip.bundle.results.compared_points import AXES, ComparedKind, ComparedPoints, image_residuals
 from orip.number_text import root_mean_square
 from orip.records.coded_names import coded
 from orip.records.definition import BundleDefinition, StereoModel
@@ -44,7 +44,7 @@ def compared_table(given: ReportInput, kind: ComparedKind, rows: IntArray | None
 
     `rows` are those to be shown, all if not given; the root mean squares in the foot are those of all.
     """
-    whole = compared_points(given.solution, kind)
+    whole = given.compared[kind]
     if not len(whole):
         return None
     points = whole if rows is None else whole.part(rows)

@@ -38,24 +38,21 @@ def photo_residual_table(given: ReportInput, anchors: Mapping[str, str] = NO_LIN
     """Return the RMS of the residuals of each photo, in micrometres and pixels; None where there are none."""
     solution = given.solution
     residuals = solution.residuals
-    used = _used(solution)
-    photo, component = coded(residuals.photo)[used], coded(residuals.component)[used]
-    value, down = residuals.residual[used], residuals.weight_factor[used] < 1.0
-    occurring = set(photo.occurring())
-    names = [name for name in solution.photos.names if name in occurring]
+    used, photo = _used(solution), coded(residuals.photo)
+    # of each photo the components y and x: quicker over all rows than with some of them set apart
+    both = 2 * photo.codes.astype(np.int64) + coded(residuals.component).where("x".__eq__)
+    count, squares, down = (
+        np.bincount(both, values, 2 * len(photo.distinct)).reshape(-1, 2)
+        for values in (used, np.where(used, residuals.residual, 0.0) ** 2, used & (residuals.weight_factor < 1.0))
+    )
+    place = {name: row for row, name in enumerate(photo.distinct) if count[row].any()}
+    names = [name for name in solution.photos.names if name in place]
     if not 0 < len(names) <= MOST_PHOTOS:
         return None
-    place = {name: row for row, name in enumerate(names)}
-    row = photo.places(place)
-    axes = {axis: component.where(axis.__eq__) & (row >= 0) for axis in "xy"}
-    rms = {}
-    for axis in "xy":
-        mine = axes[axis]
-        count = np.bincount(row[mine], minlength=len(names))
-        rms[axis] = np.sqrt(np.bincount(row[mine], value[mine] ** 2, len(names)) / np.maximum(count, 1))
+    rows = [place[name] for name in names]
+    rms = dict(zip("yx", np.sqrt(squares[rows] / np.maximum(count[rows], 1)).T, strict=True))
     pixel = np.array([pixel_of_photo(given, name) for name in names])
-    points = np.bincount(row[axes["x"]], minlength=len(names))
-    lost = np.bincount(row[down & (row >= 0)], minlength=len(names))
+    points, lost = count[rows, 1].astype(np.int64), down[rows].sum(axis=1).astype(np.int64)
     columns = [
         PageColumn("Photo", names, words=True, links=anchors),
         PageColumn("Points", [str(count) for count in points]),

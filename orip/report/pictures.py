@@ -8,7 +8,7 @@ import numpy as np
 from msgspec import Struct, field
 
 from orip.arrays import FloatArray, IntArray
-from orip.bundle.results.compared_points import ComparedKind, compared_points
+from orip.bundle.results.compared_points import ComparedKind
 from orip.interior.image_coordinates import sensor_transformation
 from orip.records.camera import Sensor
 from orip.records.coded_names import coded
@@ -112,7 +112,7 @@ def _worst_rows(given: ReportInput) -> list[int]:
 
 def _rows_of_control(given: ReportInput) -> list[int]:
     """Return the rows of control and check points, point by point, those with the largest w first."""
-    names = [name for kind in _GIVEN for name in compared_points(given.solution, kind).names]
+    names = [name for kind in _GIVEN for name in given.compared[kind].names]
     if not names:
         return []
     rows, w = _photo_rows(given)

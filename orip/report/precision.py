@@ -9,10 +9,11 @@ import numpy as np
 from markupsafe import Markup
 from msgspec import Struct
 
+from orip.arrays import IntArray
 from orip.bundle.results.reliability import suspect_rows
-from orip.records.coded_names import CodedNames, coded
+from orip.records.coded_names import coded
 from orip.records.names import places_of_names
-from orip.records.observation_kinds import point_of_measurement, unit_of_unknown
+from orip.records.observation_kinds import places_of_measured, point_of_measurement, unit_of_unknown
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.results.solution import AntennaEstimate, Correlation, Estimates, Solution
 from orip.report.drawings.svg import ChartFrame, Curve, line_chart
@@ -68,11 +69,11 @@ def point_table(solution: Solution, test_level: float | None = None) -> PageTabl
     If they are very many, the last ones are left out.
     """
     points, unit = solution.points, solution.ground_unit
-    rows = _by_interest(solution, test_level)[:MOST_POINTS]
+    rows = _by_interest(solution, test_level)[:MOST_POINTS].tolist()
     decimals = decimals_of_most(points.sd)
     columns = [
         PageColumn("Point", [points.names[row] for row in rows], words=True),
-        PageColumn("Kind", [solution.point_kinds[row] for row in rows], key="kind", words=True),
+        PageColumn("Kind", list(coded(solution.point_kinds)[rows]), key="kind", words=True),
         PageColumn("Rays", [str(solution.point_rays[row]) for row in rows], key="rays"),
     ]
     for axis, name in enumerate("XYZ"):
@@ -86,7 +87,7 @@ def point_table(solution: Solution, test_level: float | None = None) -> PageTabl
     return PageTable("points", "Ground points", columns, f"{note} {left_out}".strip(), on_paper=_POINTS_ON_PAPER)
 
 
-def _by_interest(solution: Solution, test_level: float | None) -> list[int]:
+def _by_interest(solution: Solution, test_level: float | None) -> IntArray:
     """Return the rows of all points: control, check, doubted and rejected ones, others; the least precise first."""
     names, kinds = solution.points.names, coded(solution.point_kinds)
     place = places_of_names(names)
@@ -98,8 +99,7 @@ def _by_interest(solution: Solution, test_level: float | None) -> list[int]:
         rank[kinds.where(kind.__eq__)] = number
     sd = np.nan_to_num(solution.points.sd, nan=-1.0, posinf=np.inf).max(axis=1, initial=-1.0)
     order = np.where(rank < 2, 0.0, -sd)
-    rows: list[int] = np.lexsort((np.arange(len(names)), order, rank)).tolist()
-    return rows
+    return np.asarray(np.lexsort((order, rank)))  # equal ones stay in their order
 
 
 def photo_table(solution: Solution, anchors: Mapping[str, str] = NO_LINKS) -> PageTable:
@@ -229,12 +229,9 @@ def _largest_standard_residuals(solution: Solution, rows: list[int]) -> list[flo
     """Return the largest standard residual of each of these points; NaN for one without residuals."""
     residuals, names = solution.residuals, solution.points.names
     point = coded(residuals.point)
-    place = CodedNames(point.distinct, np.arange(len(point.distinct))).places_among(names)
-    for other in np.flatnonzero(place < 0).tolist():  # measured twice in a photo, or no point
-        place[other] = places_of_names(names).get(point_of_measurement(point.distinct[other]), -1)
     wanted = np.full(len(names) + 1, -1)  # the last one: of what is no point
     wanted[rows] = np.arange(len(rows))
-    row = wanted[place][point.codes]
+    row = wanted[places_of_measured(point, names)][point.codes]
     chosen = np.flatnonzero(row >= 0)
     chosen = chosen[~np.isnan(residuals.weight_factor[chosen])]
     largest = np.full(len(rows), -1.0)

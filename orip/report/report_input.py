@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 
@@ -10,6 +11,7 @@ from msgspec import Struct, field
 from numpy.typing import NDArray
 
 from orip.arrays import FloatArray, IntArray
+from orip.bundle.results.compared_points import COMPARED_KINDS, ComparedKind, ComparedPoints, compared_points
 from orip.errors import ProjectWarning
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.image_coordinates import pixel_size
@@ -145,6 +147,23 @@ class ReportInput(Struct, frozen=True, dict=True):
     def photo_vectors(self) -> Mapping[str, PhotoVectors]:
         """Return the residual vectors of each photo that has photo points."""
         return photo_vectors(self.solution.residuals)
+
+    @cached_property
+    def reaches(self) -> Mapping[str, float]:
+        """Return by the keys of cameras the largest distance (mm) of a photo point from the fiducial centre."""
+        found: dict[str, float] = {}
+        for name, vectors in self.photo_vectors.items():
+            photo = self.photos.get(record_key(name))
+            if photo is not None:
+                x, y = vectors.xy.T
+                key, most = record_key(photo.camera), float(np.max(x * x + y * y, initial=0.0))
+                found[key] = max(most, found.get(key, 0.0))
+        return {key: math.sqrt(most) for key, most in found.items()}
+
+    @cached_property
+    def compared(self) -> Mapping[ComparedKind, ComparedPoints]:
+        """Return the control points and the check points."""
+        return {kind: compared_points(self.solution, kind) for kind in COMPARED_KINDS}
 
     @cached_property
     def pixel_of_rows(self) -> FloatArray:

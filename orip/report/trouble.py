@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +20,7 @@ from orip.records.observation_kinds import (
 from orip.records.results.solution import Blunder, Residuals, Solution
 from orip.report.report_input import ReportInput, pixel_of_photo
 from orip.report.table import NO_LINKS, SINGULAR, PageColumn, PageTable, counted, decimals_of_most, fixed, significant
+from orip.structs import remembered
 from orip.wording import first_names
 
 _GROUP_OF_ELEMENTS = {"X": "point", "Y": "point", "Z": "point", "R": "theodolite set"}
@@ -206,6 +207,7 @@ class Spot(NamedTuple):
     names: str = ""
 
 
+@remembered
 def weak_spots(solution: Solution) -> list[Spot]:
     """Return what would go unnoticed or is much worse than the rest: few rays, unchecked observations, large sd."""
     return [*_few_rays(solution), *_unchecked(solution), *_imprecise(solution)]
@@ -255,33 +257,35 @@ def _unchecked(solution: Solution) -> list[Spot]:
     # the worst row of each point, of its rays and of its control
     of_photo = coded(residuals.kind)[rows].where("photo".__eq__)
     _, first = np.unique(2 * point.codes[order].astype(np.int64) + of_photo[order], return_index=True)
-    numbers = residuals.redundancy_number
-    control: list[Spot] = []
-    points: dict[str, Spot] = {}
-    for row in rows[order[np.sort(first)]].tolist():
-        kind, photo, name = residuals.kind[row], residuals.photo[row], residuals.point[row]
-        in_photo = f" in photo {photo}" if photo else ""
-        what = f"{residuals.component[row]}{in_photo} hardly checked (redundancy number {numbers[row]:.2f})"
-        if kind == "photo":
-            points[name] = Spot(f"point {name}", what, "measure it in a further photo")
-        else:
-            control.append(Spot(f"control point {name}", what, "add control near it"))
-    remedy = "match between more photos, or have more overlap"
-    return [*control, *_one_or_each(points, "a coordinate hardly checked", remedy)]
+    worst = order[np.sort(first)]
+    rows, of_photo = rows[worst], of_photo[worst]
 
+    def spot(row: int) -> Spot:
+        in_photo = f" in photo {residuals.photo[row]}" if residuals.photo[row] else ""
+        number = f"redundancy number {residuals.redundancy_number[row]:.2f}"
+        what, name = f"{residuals.component[row]}{in_photo} hardly checked ({number})", residuals.point[row]
+        if residuals.kind[row] == "photo":
+            return Spot(f"point {name}", what, "measure it in a further photo")
+        return Spot(f"control point {name}", what, "add control near it")
 
-def _one_or_each(points: Mapping[str, Spot], what: str, remedy: str) -> Iterable[Spot]:
-    """Return the spots of points, the worst first, or one for all where nobody measures so many by hand."""
-    if len(points) <= _MOST_BY_HAND:
-        return points.values()
-    worst = next(iter(points.values()))
-    whole = Spot(
-        counted(len(points), "point"), f"{what}; the worst: {worst.what}", remedy, first_names([*points], _NAMED)
+    control, remedy = map(spot, rows[~of_photo].tolist()), "match between more photos, or have more overlap"
+    points = _one_or_each(
+        rows[of_photo], coded(residuals.point)[rows[of_photo]], spot, "a coordinate hardly checked", remedy
     )
-    return [whole]
+    return [*control, *points]
 
 
-def _imprecise(solution: Solution) -> Iterable[Spot]:
+def _one_or_each(
+    rows: IntArray, names: Sequence[str], spot: Callable[[int], Spot], what: str, remedy: str
+) -> list[Spot]:
+    """Return the spots of points, the worst first, or one for all where nobody measures so many by hand."""
+    if len(rows) <= _MOST_BY_HAND:
+        return list(map(spot, rows.tolist()))
+    whole = f"{what}; the worst: {spot(int(rows[0])).what}"
+    return [Spot(counted(len(rows), "point"), whole, remedy, first_names(names, _NAMED))]
+
+
+def _imprecise(solution: Solution) -> list[Spot]:
     sd = np.where(np.isfinite(solution.points.sd), solution.points.sd, np.nan)
     largest = np.fmax(np.fmax(sd[:, 0], sd[:, 1]), sd[:, 2])
     known = largest[~np.isnan(largest)]
@@ -291,14 +295,15 @@ def _imprecise(solution: Solution) -> Iterable[Spot]:
     rows = np.flatnonzero(largest > _FAR_WORSE * typical)
     rows = rows[np.argsort(-largest[rows], kind="stable")]
     decimals = decimals_of_most([typical])
-    spots: dict[str, Spot] = {}
-    for row in rows.tolist():
+
+    def spot(row: int) -> Spot:
         size, axis = float(largest[row]), "XYZ"[int(np.nanargmax(sd[row]))]
         shown = f"sd {fixed(size, decimals)} {solution.ground_unit} in {axis}"
         what = f"{shown}, {significant(size / typical, 2)} times the median; {solution.point_rays[row]} rays"
-        name = solution.points.names[row]
-        spots[name] = Spot(f"point {name}", what, "measure it in photos taken from further apart")
-    return _one_or_each(spots, "much less precise than the median", "match between photos taken from further apart")
+        return Spot(f"point {solution.points.names[row]}", what, "measure it in photos taken from further apart")
+
+    names, remedy = _picked(solution.points.names, rows), "match between photos taken from further apart"
+    return _one_or_each(rows, names, spot, "much less precise than the median", remedy)
 
 
 def _picked(names: Sequence[str], rows: IntArray) -> list[str]:

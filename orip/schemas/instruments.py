@@ -90,6 +90,7 @@ class Gnss(Part, frozen=True):
     base: list[float]
     epochs: int
     epochs_in_common: int
+    events: int
     fixed: int
     floating: int
     place: list[float] | None

@@ -17,10 +17,8 @@ from orip.bundle.verdict import headline, sigma0_test
 from orip.errors import Complaint, InputError, NotSolvableError, ProjectWarning
 from orip.mistakes.explanation import explain_failure, explain_misfit, explain_start
 from orip.mistakes.hypothesis import Readjuster
-from orip.prelim.chain import preliminary_values_from_all_rays
-from orip.prelim.similarity.absolute_orientation import NO_CONTROL
 from orip.records.block import Block
-from orip.records.preliminary import PreliminaryValues
+from orip.records.preliminary import NO_CONTROL, PreliminaryValues
 from orip.records.results.solution import IterationPass, Solution
 from orip.solving.better_minimum import doubt_about_given, is_better
 from orip.solving.consequences import REPLACED, follows, without_consequences
@@ -263,6 +261,8 @@ def _readjuster(gathered: Block) -> Readjuster:
     """Return what adjusts a block again, complete or not at all."""
 
     def start(changed: Block) -> Block:
+        from orip.prelim.chain import preliminary_values_from_all_rays
+
         # which rays are wrong was looked for in the block as it is; a comparison for each hypothesis takes seconds
         started = started_block(changed, preliminary_values_from_all_rays)
         if started.left_out:

@@ -17,15 +17,13 @@ from orip.errors import Complaint, InputError, NotSolvableError, ProjectWarning
 from orip.mistakes.checks import block_warnings, measurement_warnings, raise_if_impossible
 from orip.mistakes.misread_photos import MIRRORED
 from orip.mistakes.two_systems import contradicting_ground_systems
-from orip.prelim.ground import orientations_in_frame, points_in_project
-from orip.prelim.similarity.absolute_orientation import NO_CONTROL
 from orip.progress import stage
 from orip.records.block import Block
 from orip.records.camera import Camera
 from orip.records.control import PreliminaryPoint
 from orip.records.names import record_key
 from orip.records.photo import PHOTO_PARAMETERS
-from orip.records.preliminary import CameraStart, PhotoStart, PreliminaryValues
+from orip.records.preliminary import NO_CONTROL, CameraStart, PhotoStart, PreliminaryValues
 from orip.structs import replace
 
 _ADVICE = (
@@ -80,6 +78,8 @@ def started_block(block: Block, find: Callable[[Block], PreliminaryValues]) -> S
     if values.has_arbitrary_datum:
         # what is given is in another system than the block
         return own_start(block, values)
+    from orip.prelim.ground import orientations_in_frame
+
     given = block.photo_orientation
     orientation = np.where(np.isnan(given), orientations_in_frame(values.photos), given)
     return _started_at(block, values, orientation, block.preliminary)
@@ -96,6 +96,8 @@ def own_start(block: Block, values: PreliminaryValues) -> StartedBlock:
     NotSolvableError
         Where no photo, or none on the ground, could be oriented.
     """
+    from orip.prelim.ground import orientations_in_frame
+
     own = orientations_in_frame(values.photos)
     if values.has_arbitrary_datum:
         return _started_at(block, values, own, ())
@@ -109,6 +111,8 @@ def own_start(block: Block, values: PreliminaryValues) -> StartedBlock:
 def _started_at(
     block: Block, values: PreliminaryValues, orientation: FloatArray, preliminary: Sequence[PreliminaryPoint]
 ) -> StartedBlock:
+    from orip.prelim.ground import points_in_project
+
     on_rigs = with_parts_on_rigs(replace(block, photo_orientation=orientation), _places(block, values))
     orientation = oriented_by_rigs(on_rigs.block).photo_orientation
     missing: BoolArray = np.asarray(np.isnan(orientation).any(axis=1))

@@ -30,7 +30,9 @@ class FileOptions(NamedTuple):
 
     events: Annotated[
         Path | None,
-        typer.Option("--events", metavar="FILE", help="When photos were taken: .MRK, _events.pos, a table."),
+        typer.Option(
+            "--events", metavar="FILE", help="When photos were taken: .MRK, _events.pos, observations, a table."
+        ),
     ] = None
     photos: Annotated[
         Path | None,

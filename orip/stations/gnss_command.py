@@ -182,8 +182,9 @@ def _tell(invocation: Invocation, result: GnssResult, target: Path, *, dry_run: 
         terminal.point(label, text)
     terminal.point("would write" if dry_run else "wrote", target.name)
     if not dry_run and result.settings.way != "static":
+        events = result.rover.path.name if len(result.rover.events) else "FILE"
         terminal.point(
-            "next", f"orip stations import {target.name} --events FILE   (.MRK, _events.pos, a table of times)"
+            "next", f"orip stations import {target.name} --events {events}   (.MRK, _events.pos, a table of times)"
         )
 
 
@@ -213,6 +214,8 @@ def _lines(result: GnssResult) -> Iterator[tuple[str, str]]:
         )
     if result.satellites:
         yield "phases", _phases(result.satellites)
+    if len(result.rover.events):
+        yield "events", f"{len(result.rover.events)} of the receiver's event input"
     if result.settings.way == "static":
         yield from _standing_lines(result)
     for stretch in result.stretches[:_MOST_STRETCHES]:
@@ -262,6 +265,7 @@ def _document(result: GnssResult, target: Path, *, dry_run: bool) -> dict[str, o
         "base": list(result.settings.base),
         "epochs": len(solution),
         "epochs_in_common": result.epochs_in_common,
+        "events": len(result.rover.events),
         "fixed": int(np.count_nonzero(solution.is_fixed)),
         "floating": int(np.count_nonzero(solution.quality == 2)),
         "place": result.place.tolist() if stands else None,

@@ -21,6 +21,7 @@ from orip.records.control import Station
 from orip.records.epochs import Epochs, epochs
 from orip.records.names import record_key
 from orip.stations.exposures import Matching, Sources, find_exposures
+from orip.stations.gnss.receiver_data import is_receiver_file, read_events
 from orip.stations.interpolation import stations_in_project
 from orip.stations.receiver_files import read_dji_mrk, read_rtklib_pos, read_sbet
 from orip.stations.table import read_station_table
@@ -40,8 +41,8 @@ def read_epochs(
 ) -> Parsed[Epochs]:
     """Read a file, or the image files of a folder, by the ending of its name.
 
-    ``.pos`` is RTKLIB, ``.mrk`` an image log of DJI, ``.sbet`` and ``.out`` an SBET, an image its own metadata;
-    everything else a table with a heading.
+    ``.pos`` is RTKLIB, ``.mrk`` an image log of DJI, ``.sbet`` and ``.out`` an SBET, an image its own metadata. Of
+    observations the events are read; everything else is a table with a heading.
 
     Parameters
     ----------
@@ -68,7 +69,16 @@ def read_epochs(
         return read_dji_mrk(path, shown)
     if ending in _SBET_ENDINGS:
         return read_sbet(path, shown, deviations, "" if deviations is None else deviations.name)
+    if is_receiver_file(path):
+        return _receiver_events(path, shown)
     return read_station_table(path, shown, columns)
+
+
+def _receiver_events(path: Path, shown: str) -> Parsed[Epochs]:
+    times = read_events(path, shown)
+    if isinstance(times, Complaint):
+        return Parsed(epochs(shown, np.zeros(0, dtype=np.int64)), (times,))
+    return Parsed(epochs(shown, np.arange(1, len(times) + 1), time=times))
 
 
 class ImportFiles(Struct, frozen=True):

@@ -78,7 +78,7 @@ def _register(group: typer.Typer) -> None:
     @command(group, "smooth")
     def smooth_command(
         invocation: Invocation,
-        imu: Annotated[Path, typer.Argument(metavar="IMU", help="Samples of the unit: a table, also .gz.")],
+        imu: Annotated[Path, typer.Argument(metavar="IMU", help="Samples of the unit: a table, or a log; also .gz.")],
         positions: Annotated[Path, typer.Argument(metavar="GNSS", help="Positions: a solution of RTKLIB (.pos).")],
         form: FormOptions,
         model: ModelOptions,

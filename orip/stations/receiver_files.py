@@ -14,7 +14,9 @@ from orip.arrays import FloatArray
 from orip.errors import Complaint
 from orip.files.text.lines import read_bytes
 from orip.files.text.shown import Parsed, shown_token
+from orip.geometry.ground_ellipsoid import geographic_from_geocentric, place_axes
 from orip.records.epochs import Epochs, Quality, epochs, seconds_of_date, seconds_of_week_time
+from orip.stations.interpolation import WGS84
 from orip.stations.table import LARGEST_PLACE, MOST_COMPLAINTS, Row, RowReader, text_rows
 from orip.units import RADIANS_PER_DEGREE
 
@@ -98,6 +100,8 @@ def _quality(flag: float) -> Quality:
 _SEPARATORS = r"\s,;"
 _QUALITY: dict[int, Quality] = {1: "fixed", 2: "float", 6: "fixed"}
 _TIME_SYSTEMS = ("GPST", "UTC", "JST")
+_LEAST_RADIUS = 6e6
+"""Metres from the centre of the Earth."""
 
 
 class _Form(Struct):
@@ -201,7 +205,10 @@ def _time(reader: RowReader, row: Row, form: _Form) -> float:
 
 def _place(reader: RowReader, row: Row, form: _Form) -> list[float]:
     if form.kind != "geographic":
-        return [reader.number(row, index, -LARGEST_PLACE, LARGEST_PLACE) for index in (2, 3, 4)]
+        place = [reader.number(row, index, -LARGEST_PLACE, LARGEST_PLACE) for index in (2, 3, 4)]
+        if form.kind == "geocentric" and math.dist(place, (0.0, 0.0, 0.0)) < _LEAST_RADIUS:
+            reader.complain("these geocentric coordinates are of a place within the Earth", row, 2)
+        return place
     if form.sexagesimal:
         latitude, longitude = (_sexagesimal(reader, row, index) for index in (2, 5))
         height = reader.number(row, 8, -LARGEST_PLACE, LARGEST_PLACE)
@@ -246,13 +253,19 @@ def _velocity(reader: RowReader, row: Row, form: _Form, rest: int) -> list[float
 
 def _epochs(shown: str, form: _Form, found: _Found) -> Epochs:
     count = len(found.line)
+    place = np.array(found.place, dtype=np.float64).reshape(count, 3)
+    covariance = np.array(found.covariance, dtype=np.float64).reshape(count, 3, 3)
+    if form.kind == "geocentric":
+        place = geographic_from_geocentric(place, WGS84)
+        axes = place_axes(place)
+        covariance = axes @ covariance @ np.swapaxes(axes, 1, 2)
     return epochs(
         shown,
         np.array(found.line, dtype=np.int64),
         time=np.array(found.time, dtype=np.float64),
-        place=np.array(found.place, dtype=np.float64).reshape(count, 3),
-        is_geographic=form.kind == "geographic",
-        covariance=np.array(found.covariance, dtype=np.float64).reshape(count, 3, 3),
+        place=place,
+        is_geographic=form.kind != "local",
+        covariance=covariance,
         quality=tuple(found.quality),
         velocity=np.array(found.velocity, dtype=np.float64).reshape(count, 3),
     )

@@ -68,8 +68,9 @@ ALLOWED = {
 
 
 def test_every_place_that_changes_files_is_known() -> None:
-    found = {(path, name) for path, name, _ in _places()}
-    unknown = [f"{path}:{line}: {name}" for path, name, line in _places() if (path, name) not in ALLOWED]
+    places = list(_places())
+    found = {(path, name) for path, name, _ in places}
+    unknown = [f"{path}:{line}: {name}" for path, name, line in places if (path, name) not in ALLOWED]
     assert not unknown, "go through orip.files.text.own_files or orip.files.text.atomic: " + ", ".join(unknown)
     assert not ALLOWED.keys() - found, "no longer there"
 
@@ -105,13 +106,14 @@ def _places() -> Iterator[tuple[str, str, int]]:
 
 def _changes(tree: ast.Module) -> Iterator[tuple[str, int]]:
     """Yield what may change files, and the line."""
+    nodes = list(ast.walk(tree))
     imported = {
         alias.asname or alias.name: f"{node.module}.{alias.name}"
-        for node in ast.walk(tree)
+        for node in nodes
         if isinstance(node, ast.ImportFrom) and node.module in {*_MODULES, "os"}
         for alias in node.names
     }
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.Call):
             name = _change(node, imported)
             if name is not None and name not in _HARMLESS:

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from pictures.rendered_plane import RenderedPlane, render
-from scipy.ndimage import map_coordinates
+from scipy.ndimage import gaussian_filter, map_coordinates
 
 from orip.images.matching.least_squares import Fate, MatchedRays, MatchSettings, Windows, match_rays
 from orip.images.matching.patches import Template, mean_patch, partials, patch_grid, sample_patches
 from orip.images.matching.sampling import sample, spline_coefficients
 from orip.pictures.matching.windows import HALF, cut_windows, in_window
+from orip.structs import replace
 
 SIDE = 340
 
@@ -137,6 +138,28 @@ def test_a_wrong_ray_is_rejected_and_the_others_stay() -> None:
     assert (found.fate[others] == Fate.MATCHED).all()
     errors, _, freedom = given.errors(found)
     assert np.sqrt((errors**2).sum() / freedom) < 0.05
+
+
+def test_a_blurred_photo_does_not_make_the_errors_of_all_points_larger() -> None:
+    given = scene()
+    windows = given.windows()
+    before = match_rays(windows, MatchSettings())
+    pixels = windows.pixels.copy()
+    blurred = (given.point < 4) & (given.photo == 1)
+    pixels[blurred] = gaussian_filter(pixels[blurred], (0.0, 2.0, 2.0))
+    after = match_rays(replace(windows, pixels=pixels), MatchSettings())
+    assert (after.fate[blurred] == Fate.MATCHED).all()
+    others = (given.point >= 4) & (before.fate == Fate.MATCHED) & (after.fate == Fate.MATCHED)
+    larger = np.trace(after.covariance[others].T) / np.trace(before.covariance[others].T)
+    assert np.median(larger) == pytest.approx(1.0, abs=0.2)
+
+
+def test_patches_that_are_alike_to_the_last_grey_value_are_not_of_two_exposures() -> None:
+    given = scene(2)
+    windows = given.windows()
+    first = np.flatnonzero(given.photo == 0)[np.searchsorted(np.unique(given.point), given.point)]
+    copied = replace(windows, pixels=windows.pixels[first], centre=windows.centre[first], affine=windows.affine[first])
+    assert (match_rays(copied, MatchSettings()).fate == Fate.WEAK).all()
 
 
 def flat(pixels: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[np.uint8]:

@@ -51,10 +51,26 @@ def place_and_clock(orbit: np.ndarray, time: float) -> tuple[np.ndarray, float]:
     return place, a0 + a1 * dt + a2 * dt * dt
 
 
-def sp3(text: str, begin: float, end: float, step: float = 300.0) -> str:
-    """Return orbits and clocks as SP3-c; of each satellite all from one broadcast orbit, so that there is no step."""
-    orbits = {number: min(rows, key=lambda row: abs(row[0] - (begin + end) / 2.0)) for number, rows in
-              broadcast(text).items()}  # fmt: skip
+def _orbits(text: str, begin: float, end: float) -> dict[int, np.ndarray]:
+    """Return one broadcast orbit of each satellite, so that there is no step."""
+    middle = (begin + end) / 2.0
+    return {number: min(rows, key=lambda row: abs(row[0] - middle)) for number, rows in broadcast(text).items()}
+
+
+def clocks(text: str, begin: float, end: float, step: float = 30.0, wrong: float = 0.0) -> str:
+    """Return clocks as RINEX clock 3.00; those of even and odd satellites wrong by seconds of opposite sign."""
+    lines = [f"{'     3.00           C':<60}RINEX VERSION / TYPE", f"{'':60}END OF HEADER"]
+    for time in np.arange(begin, end + 1.0, step):
+        when = GPS_START + timedelta(seconds=time)
+        for number, orbit in sorted(_orbits(text, begin, end).items()):
+            clock = place_and_clock(orbit, time)[1] + wrong * (-1) ** number
+            lines.append(f"AS G{number:02d}  {when:%Y %m %d %H %M} {when.second:9.6f}  1   {clock:19.12E}")
+    return "\n".join([*lines, ""])
+
+
+def sp3(text: str, begin: float, end: float, step: float = 300.0, *, has_clocks: bool = True) -> str:
+    """Return orbits and clocks as SP3-c."""
+    orbits = _orbits(text, begin, end)
     numbers = sorted(orbits)
     times = np.arange(begin, end + 1.0, step)
     week, seconds = divmod(begin, 604_800.0)
@@ -73,7 +89,8 @@ def sp3(text: str, begin: float, end: float, step: float = 300.0) -> str:
         for number in numbers:
             place, clock = place_and_clock(orbits[number], time)
             x, y, z = place / 1000.0
-            lines.append(f"PG{number:02d}{x:14.6f}{y:14.6f}{z:14.6f}{clock * 1e6:14.6f}")
+            known = clock * 1e6 if has_clocks else 999_999.999999
+            lines.append(f"PG{number:02d}{x:14.6f}{y:14.6f}{z:14.6f}{known:14.6f}")
     return "\n".join([*lines, "EOF", ""])
 
 

@@ -59,7 +59,12 @@ def _rawx(epoch: Epoch) -> bytes:
                     struct.pack("<ddfBBBBHBBBBBB", code, phase, 0.0, 0, number, signal, 0, 64500, 45, 3, 1, 3, 7, 0)
                 )
     body = struct.pack("<dHbBBBH", epoch.seconds, epoch.week, 13, len(rows), 0, 1, 0) + b"".join(rows)
-    head = struct.pack("<BBH", 0x02, 0x15, len(body))
+    return ubx_message(0x02, 0x15, body)
+
+
+def ubx_message(group: int, kind: int, body: bytes) -> bytes:
+    """Return a message of u-blox with its check sum."""
+    head = struct.pack("<BBH", group, kind, len(body))
     a = b = 0
     for byte in head + body:
         a = (a + byte) & 255

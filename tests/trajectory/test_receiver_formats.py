@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from cli.command_line import orip
 from reference.published_data import REFERENCE_DATA
-from trajectory.precise_orbits import antex, sp3
+from trajectory import rinex_versions
+from trajectory.precise_orbits import antex, clocks, sp3
 from trajectory.receiver_streams import rtcm3, ubx
 
 from orip.geometry.ground_ellipsoid import geographic_from_geocentric, place_axes
@@ -125,6 +126,30 @@ def test_precise_orbits(folder, expected):
         assert words in orip(folder, "gnss", ROVER, BASE, "bad.sp3").err
     (folder / "bad.clk").write_text("nothing")
     assert "no clocks in RINEX" in orip(folder, "gnss", ROVER, BASE, ORBITS, "bad.clk").err
+
+
+def test_clocks_of_a_file_beside_orbits_without(folder, expected):
+    """With the clocks of the broadcast orbits it is as before; with ones wrong by 20 ms no codes fit."""
+    text, span = (GNSS / ORBITS).read_text(), (DAY - 3600.0, DAY + 7200.0)
+    (folder / "orbits.sp3").write_text(sp3(text, *span, has_clocks=False))
+    (folder / "day.clk").write_text(clocks(text, *span))
+    np.testing.assert_allclose(place(folder, ROVER, BASE, "orbits.sp3", "day.clk", ORBITS), expected, atol=0.001)
+    (folder / "wrong.clk").write_text(clocks(text, *span, wrong=0.02))
+    said = orip(folder, "gnss", ROVER, BASE, "orbits.sp3", "wrong.clk", ORBITS)
+    assert "RTKLIB finds no position" in said.err
+
+
+@pytest.mark.parametrize("version", ["3.05", "4.01"])
+@pytest.mark.parametrize("program", ["pyrtklib5", "rnx2rtkp"])
+def test_newer_versions_of_rinex_give_the_same(folder, expected, monkeypatch, version, program):
+    if program == "rnx2rtkp":
+        if shutil.which(program) is None:
+            pytest.skip("rnx2rtkp is not on PATH")
+        monkeypatch.setattr("orip.stations.gnss.rtklib.find_spec", lambda _name: None)
+    for name, target in ((ROVER, "rover.rnx"), (BASE, "base.rnx")):
+        (folder / target).write_text(rinex_versions.observations((GNSS / name).read_text(), version))
+    (folder / "orbits.rnx").write_text(rinex_versions.orbits((GNSS / ORBITS).read_text(), version))
+    np.testing.assert_allclose(place(folder, "rover.rnx", "base.rnx", "orbits.rnx"), expected, atol=0.001)
 
 
 def test_antenna_heights_and_phase_centres_move_the_mark(folder, expected):

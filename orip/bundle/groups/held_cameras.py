@@ -56,10 +56,11 @@ def held_cameras(solved: SolvedBlock, weight: FloatArray) -> HeldCameras | None:
     count, size = len(parameters), solved.problem.layout.size
     values, square, right, number = np.zeros(count), np.zeros((count,) * 2), np.zeros((size, count)), np.zeros(count)
     first = 0
+    # what the rows of the normal equations absorb of others, of a state that is hardly different, may be more than all
     for part in _photo_points(solved).in_parts():
         rows = slice(first, first + len(part.rows.error))
         first = rows.stop
-        _, (partials, columns) = partials_by_unknowns(part, solved.state, solved.problem.unknowns)
+        _, (partials, columns) = partials_by_unknowns(part, solved.linearised_at, solved.problem.unknowns)
         partials = partials / part.rows.error[:, None]
         camera = np.repeat(part.camera, 2)
         acts = np.column_stack(

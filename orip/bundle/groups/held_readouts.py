@@ -70,7 +70,7 @@ def readout_test(solved: SolvedBlock, camera: int, motions: FloatArray) -> Reado
         square += float(weighted @ acts)
         motion += float(np.sum(by_readout[weight[rows].reshape(-1, 2).min(axis=1) > 0.0] ** 2))
         number += int(np.count_nonzero(weighted))
-        _, (partials, columns) = partials_by_unknowns(part, solved.state, solved.problem.unknowns)
+        _, (partials, columns) = partials_by_unknowns(part, solved.linearised_at, solved.problem.unknowns)
         partials = partials * (weighted / part.rows.error)[:, None]
         touched = columns != CONSTANT
         right += np.bincount(columns[touched], partials[touched], minlength=len(right))

@@ -16,7 +16,7 @@ from scipy.special import ndtri_exp
 from orip.adjustment.outlier_tests import chi_square_tail, two_sided_normal
 from orip.adjustment.residual_sums import ResidualSums
 from orip.arrays import BoolArray, FloatArray
-from orip.bundle.groups.figures import TESTABLE, GroundGroups, common_errors, is_testable
+from orip.bundle.groups.figures import TESTABLE, GroundGroups, is_testable
 from orip.bundle.groups.hypotheses import SINGLE_CONTROL, Cause, Together, hypotheses
 from orip.records.results.tests import CommonError
 from orip.structs import replace
@@ -98,6 +98,14 @@ class _Sums(NamedTuple):
         scale = np.sqrt(np.diag(self.covariance)[columns])
         return np.linalg.pinv(self.covariance[np.ix_(columns, columns)] / np.outer(scale, scale)), scale
 
+    def error(self, column: int) -> tuple[float, float]:
+        """Return the error that explains a sum, and its standard deviation; NaN where it leaves the sum as it is."""
+        response = self.response[column, column]
+        if response <= 0.0:
+            return np.nan, np.nan
+        deviation = np.sqrt(max(self.covariance[column, column], 0.0))
+        return float(-self.values[column] / response), float(deviation / response)
+
     def square(self, test: Together) -> float:
         """Return the square of the normal variable that is as improbable as the sums of a test."""
         columns = [column for column in test.columns if self.testable[column]]
@@ -125,9 +133,8 @@ def common_shifts(ground: GroundGroups, sums: ResidualSums, limit: float) -> Ite
         Logarithm of the probability below which a group is doubted.
     """
     covariance = sums.covariance()
-    shift, shift_sd = common_errors(sums, ground.errors, covariance)
-    first = _Sums(sums.values, covariance, sums.responses(ground.errors), is_testable(sums, np.diag(covariance)))
-    tests, left = [test for test in hypotheses(ground) if _is_determined(ground, first, test)], first
+    left = _Sums(sums.values, covariance, sums.responses(ground.errors), is_testable(sums, np.diag(covariance)))
+    tests = [test for test in hypotheses(ground) if _is_determined(ground, left, test)]
     gone = set[tuple[str, ...]]()
     while True:
         possible = [test for test in tests if test.span not in gone and left.testable[list(test.columns)].any()]
@@ -144,17 +151,13 @@ def common_shifts(ground: GroundGroups, sums: ResidualSums, limit: float) -> Ite
         others = _alternatives(possible, squares, best, left.without(possible[best], sums), limit)
         chosen, others = _rather_stations(possible[best], others)
         chosen = _with_further_components(possible, chosen, left, sums)
-        alone = first._replace(testable=left.testable)
-        chosen = _without_drift(possible, chosen, alone, limit)
-        common = _common(ground, alone, chosen)
+        chosen = _without_drift(possible, chosen, left, limit)
+        common = _common(ground, left, chosen)
         if chosen.extent == "one" and all(abs(error.size) < error.sd for error in common):
             chosen, common = possible[best], ()  # its coordinates cannot be told apart
-        column = chosen.columns[0]
+        shift, shift_sd = left.error(chosen.columns[0])
         doubted = tuple(dict.fromkeys(group for test in (chosen, *others) for group in test.groups))
-        yield CommonShift(
-            log_p, chosen.cause, tuple(test.cause for test in others), doubted, float(shift[column]),
-            float(shift_sd[column]), common,
-        )  # fmt: skip
+        yield CommonShift(log_p, chosen.cause, tuple(test.cause for test in others), doubted, shift, shift_sd, common)
         gone |= {test.span for test in (chosen, *others)}
         left = left.without(chosen, sums)
 

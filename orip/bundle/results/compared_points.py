@@ -14,7 +14,7 @@ from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.number_text import root_mean_square
 from orip.records.coded_names import coded
 from orip.records.names import places_of_names
-from orip.records.observation_kinds import CONTROL_POINT, PHOTO_POINT, point_of_measurement
+from orip.records.observation_kinds import CONTROL_POINT, PHOTO_POINT, places_of_measured
 from orip.records.results.solution import Solution
 
 ComparedKind = Literal["control", "check"]
@@ -130,12 +130,10 @@ def image_residuals(solution: Solution, names: tuple[str, ...], pixel: FloatArra
         return np.empty(0)
     residuals = solution.residuals
     rows = np.flatnonzero(coded(residuals.kind).where(PHOTO_POINT.name.__eq__) & (residuals.weight_factor > 0.0))
-    point = coded(residuals.point)[rows]
-    number = {name: place for place, name in enumerate(names)}
-    # nearly all names are those of their points
-    meant = (point_of_measurement(name) if name[-1:] == ")" else name for name in point.distinct)
-    place = np.array([number.get(name, -1) for name in meant], dtype=np.int64)
-    of_row = place[point.codes] if len(place) else np.empty(0, dtype=np.int64)
+    point, place = coded(residuals.point), places_of_names(solution.points.names)
+    wanted = np.full(len(place) + 1, -1)  # the last one: of what is no point
+    wanted[[place[name] for name in names]] = np.arange(len(names))
+    of_row = wanted[places_of_measured(point, solution.points.names)][point.codes[rows]]
     mine = of_row >= 0
     size = residuals.residual[rows[mine]]
     if pixel is not None:

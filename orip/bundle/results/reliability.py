@@ -12,6 +12,7 @@ from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.solve import SolvedBlock
 from orip.records.results.solution import Reliability, Residuals, Solution
 from orip.set_aside import set_aside
+from orip.structs import remembered
 from orip.threads import by_threads
 
 # One may be a blunder. Where most rays of a photo or of the control points are lost, the solution is not that of the
@@ -167,6 +168,7 @@ def has_suspects(solution: Solution) -> bool:
     return bool(_misfit(solution, None).any())
 
 
+@remembered
 def _misfit(solution: Solution, test_level: float | None) -> BoolArray:
     """Return which residuals are too large for chance; those that nothing tests if they have lost weight."""
     residuals = solution.residuals

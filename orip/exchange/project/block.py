@@ -130,7 +130,7 @@ def imported_block(project: ExchangedProject, shown: str, settings: ExchangeSett
     pixels = _pixels(project, cameras, shown, corrects_distortion=settings.corrects_distortion)
     found, is_declared = fitting_reading(project, cameras, pixels)
     if not found.fits_coarsely:
-        raise InputError.single(_misfit(found), shown)
+        raise InputError.single(_misfit(found, settings.frame), shown)
     if is_of_its_own:
         project, found, datum, moved = placed_at_control(project, cameras, pixels, found)
     else:
@@ -338,14 +338,15 @@ def _coarse(found: Reprojection) -> str:
     )
 
 
-def _misfit(found: Reprojection) -> str:
+def _misfit(found: Reprojection, frame: tuple[int, int] | None) -> str:
+    size = "" if frame is None else f"--frame {frame[0]}x{frame[1]} is the size of the images, and that "
     known = found.lengths
     typical = f"{found.typical:.0f} px" if known.size else "nothing, as all points are behind the photos"
     return (
         f"photos and points do not fit the measurements in any reading of the rotations: half of the residuals exceed "
         f"{typical}, where {MOST_COARSE_PX:.0f} px are allowed, and {int(found.is_behind.sum())} of "
-        f"{len(found.is_behind)} rays have their point behind the camera; check that all files belong to the same "
-        "state of the project and to the same images"
+        f"{len(found.is_behind)} rays have their point behind the camera; check that {size}all files belong to "
+        "the same state of the project and to the same images"
     )
 
 

@@ -11,7 +11,7 @@ from msgspec import Struct
 
 from orip.errors import Complaint, InputError, UsageError
 from orip.exchange.format import Format
-from orip.exchange.formats import FORMATS, FORMATS_READ, format_named, guessed_format
+from orip.exchange.formats import FORMATS, FORMATS_READ, files_of_formats, format_named, guessed_source
 from orip.exchange.project.block import ExchangeSettings, ImportedBlock, imported_block
 from orip.exchange.project.temporary import write_whole_folder
 from orip.exchange.project.texts import ImportedTexts, ImportSource, imported_texts
@@ -77,13 +77,19 @@ def read_source(format_name: str | None, source: Path, settings: ExchangeSetting
     InputError
         With everything that is wrong in the files, or if poses, points and measurements do not fit one another.
     """
-    found = guessed_format(source) if format_name is None else format_named(format_name, FORMATS_READ)
+    if format_name is None:
+        found, source = guessed_source(source)
+    else:
+        found = format_named(format_name, FORMATS_READ)
     if found.read is None:
         message = f"the format '{found.name}' is written, not read; 'orip import --list' shows those that are read"
         raise UsageError(message)
     if not source.exists():
         message = f"there is no '{source}'; name the file or folder of the other program"
         raise UsageError(message)
+    if source.is_dir() and not found.recognises(source):
+        files = files_of_formats(source, (found,))
+        source = files[0][1] if len(files) == 1 else source
     parsed = found.read(source, str(source))
     if parsed.complaints or parsed.value is None:
         raise InputError(_merged(parsed.complaints))

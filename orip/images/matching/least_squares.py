@@ -128,6 +128,9 @@ _CONVERGED = 0.005
 """Pixels that a ray moves at most in the last iteration, beside what all rays of its point move."""
 LEAST_CONTRAST = 4.0
 """Standard deviation of the grey values of a patch: of flatter ones JPEG leaves nothing but the pattern of blocks."""
+_LEAST_NOISE = 0.03
+"""Grey values: rounding them to whole ones leaves twice as much. Patches more alike are not of two exposures, but show
+the pattern of JPEG's blocks."""
 _EDGE = 12.0
 """Times as precise across as along an edge: noise alone says where on such an edge a point is."""
 _BAD_START = 0.5
@@ -155,10 +158,10 @@ def match_rays(windows: Windows, settings: MatchSettings) -> MatchedRays:
     fate = _fates(windows, state, correlation, settings)
     share = (fate == Fate.MATCHED).astype(np.float32)
     template = mean_patch(sampled, share, windows.point)
-    covariance = position_covariances(sampled, template, state.affine, grid, windows.point, share)
-    fate[(fate == Fate.MATCHED) & (sampled.contrast < LEAST_CONTRAST)] = Fate.WEAK
+    covariance, residual = position_covariances(sampled, template, state.affine, grid, windows.point, share)
     least, largest = np.linalg.eigvalsh(covariance).T
     weak = ~(largest <= settings.most_error**2) | (largest > _EDGE**2 * least)
+    weak |= (sampled.contrast < LEAST_CONTRAST) | (residual < _LEAST_NOISE)
     fate[(fate == Fate.MATCHED) & weak] = Fate.WEAK
     rays = np.bincount(windows.point, weights=fate == Fate.MATCHED)
     fate[(fate == Fate.MATCHED) & (rays[windows.point] < 2)] = Fate.ALONE

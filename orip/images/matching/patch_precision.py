@@ -12,9 +12,6 @@ from orip.images.matching.patches import PatchGrid, Sampled, Template, partials
 
 REACH = 9
 """Places of the patch over which noise is correlated, by interpolation, by smoothing and by JPEG."""
-
-HIDDEN_NOISE = 0.3
-"""Grey values: what whole grey values, interpolation and JPEG add that residuals do not show, from rendered photos."""
 _ROUNDS = 4
 _OF_MANY = 150
 """Rays from which it is computed how much less residuals are correlated than noise."""
@@ -48,8 +45,8 @@ def position_covariances(
     grid: PatchGrid,
     point: NDArray[np.intp],
     share: NDArray[np.float32],
-) -> NDArray[np.float64]:
-    """Return the covariances of the positions of rays, square pixels.
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the covariances of the positions of rays, square pixels; and their residuals.
 
     Noise of neighbouring places is correlated (C): with the estimate h g of a position, where h is the row of N^-1 A'
     W that belongs to it, the covariance is h C h' times the variance of the noise. Residuals have less of either than
@@ -62,16 +59,18 @@ def position_covariances(
 
     Returns
     -------
-    ndarray (r, 2, 2)
+    covariance : ndarray (r, 2, 2)
+    residual : ndarray (r,)
+        Root mean square, grey values.
     """
     fit = linear_fit(sampled, template, affine, grid)
     carried = _correlated(fit.estimator, noise_correlations(fit, np.flatnonzero(share), grid.side), grid.side)
     of_parameters = (carried @ fit.estimator.transpose(0, 2, 1)).astype(np.float64)
     taken = 2.0 * (fit.design * carried) - fit.design * (of_parameters.astype(np.float32) @ fit.design)
     left = 1.0 - (fit.weight * taken.sum(axis=1)).sum(axis=1, dtype=np.float64)
-    square = (fit.weight * fit.residual**2).sum(axis=1, dtype=np.float64) / np.maximum(left, 0.1)
-    square += (HIDDEN_NOISE / sampled.contrast) ** 2
-    return _variances(square, point, share)[:, None, None] * of_parameters[:, 4:6, 4:6]
+    square = (fit.weight * fit.residual**2).sum(axis=1, dtype=np.float64)
+    variance = _variances(square / np.maximum(left, 0.1), point, share)
+    return variance[:, None, None] * of_parameters[:, 4:6, 4:6], sampled.contrast * np.sqrt(square)
 
 
 def linear_fit(sampled: Sampled, template: Template, affine: NDArray[np.float64], grid: PatchGrid) -> Fit:
@@ -106,8 +105,9 @@ def _variances(square: NDArray[np.float64], point: NDArray[np.intp], share: NDAr
 def noise_correlations(fit: Fit, rays: NDArray[np.intp], side: int) -> NDArray[np.float32]:
     """Return the spectrum of the correlations of the noise at the places of a patch, for `_correlated`.
 
-    They depend on the distance alone, and are the mean over the rays. With the projection P of the fit, residuals have
-    P C P': C is found by repeating C <- C + (found - expected).
+    They depend on the distance alone, and are the mean over the rays, each with the same share: else a ray of another
+    place, or a blurred one, whose residuals are large and smooth, would speak for all. With the projection P of the
+    fit, residuals have P C P': C is found by repeating C <- C + (found - expected).
 
     Parameters
     ----------
@@ -129,7 +129,9 @@ def noise_correlations(fit: Fit, rays: NDArray[np.intp], side: int) -> NDArray[n
     away = np.abs((np.arange(size) + size // 2) % size - size // 2)
     pairs = np.where(away <= REACH, np.maximum(side - away, 1), np.inf)
     pairs = pairs[:, None] * pairs
-    residual = rfft2(_planes(fit.residual[rays], side), (size, size))
+    own = fit.residual[rays]
+    own = own / np.maximum(np.sqrt((own * own).mean(axis=1, keepdims=True)), np.float32(1e-6))
+    residual = rfft2(_planes(own, side), (size, size))
     found = irfft2(np.sum(np.abs(residual) ** 2, axis=0, dtype=np.float64), (size, size)) / pairs
     found /= found[0, 0]
     some = rays[:: max(1, len(rays) // _OF_MANY)]
@@ -160,7 +162,7 @@ def _planes(rows: NDArray[np.floating[Any]], side: int) -> NDArray[np.floating[A
 
 
 def _spectrum(correlations: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Return what is real, as correlations are the same in opposite directions."""
+    """Return what is real, as correlations are the same in opposite directions; no variance is negative."""
     from scipy.fft import rfft2
 
-    return np.asarray(rfft2(correlations).real, dtype=np.float32)
+    return np.asarray(np.maximum(rfft2(correlations).real, 0.0), dtype=np.float32)

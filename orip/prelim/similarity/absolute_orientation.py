@@ -15,11 +15,9 @@ from orip.prelim.similarity.common_points import CommonPoints
 from orip.prelim.similarity.joining import Joined, Names, similarity_step
 from orip.prelim.similarity.partial_blocks import steady_deviations, transformed
 from orip.prelim.similarity.start import adjusted_from_all_sides, start_from_triples
-from orip.records.preliminary import NotOriented, PartialBlock
+from orip.records.preliminary import NO_CONTROL, NotOriented, PartialBlock
 from orip.structs import replace
 from orip.wording import agreeing, counted
-
-NO_CONTROL = "no control point is in the block, 3 are needed"
 
 _CONSTANT = 0.1
 """Part of the median a-priori error that is used in place of the error 0 of a constant coordinate."""

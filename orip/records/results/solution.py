@@ -314,7 +314,7 @@ def _no_photo_correlations() -> FloatArray:
     return np.empty((0, 15))
 
 
-class Solution(Struct, frozen=True):
+class Solution(Struct, frozen=True, weakref=True):
     """Everything that a bundle adjustment gives; see result.json for the meaning of the figures.
 
     `verdict` is the sentence that comes first where no gate failed.

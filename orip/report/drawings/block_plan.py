@@ -11,7 +11,6 @@ import numpy as np
 from markupsafe import Markup
 
 from orip.arrays import FloatArray, IntArray
-from orip.bundle.results.compared_points import COMPARED_KINDS, ComparedKind, compared_points
 from orip.records.coded_names import coded
 from orip.records.names import places_of_names
 from orip.records.results.solution import Solution
@@ -99,7 +98,9 @@ def footprints(given: ReportInput) -> FloatArray:
 
 def _plan(given: ReportInput, scene: _Scene, plane: MapPlane) -> tuple[Markup, float]:
     solution = given.solution
-    errors: dict[str, dict[str, FloatArray]] = {kind: _differences(solution, kind) for kind in COMPARED_KINDS}
+    errors: dict[str, dict[str, FloatArray]] = {
+        kind: dict(zip(points.names, points.difference, strict=True)) for kind, points in given.compared.items()
+    }
     enlargement = _enlargement(scene, plane, errors)
     drawn = [
         *_footprints(scene, plane),
@@ -116,11 +117,6 @@ def _plan(given: ReportInput, scene: _Scene, plane: MapPlane) -> tuple[Markup, f
         parts += plane.scale_bar(size * plane.scale * enlargement, f"errors {size:g} {unit}")
     label = f"{scene.side.title}: photos, their footprints, control and check points with their errors"
     return drawing(*plane.size, label, parts, "map"), enlargement
-
-
-def _differences(solution: Solution, kind: ComparedKind) -> dict[str, FloatArray]:
-    points = compared_points(solution, kind)
-    return dict(zip(points.names, points.difference, strict=True))
 
 
 def _axis_names(side: BlockSide, unit: str) -> list[str]:
@@ -147,7 +143,7 @@ def _footprints(scene: _Scene, plane: MapPlane) -> list[str]:
 
 
 def _points(solution: Solution, scene: _Scene, plane: MapPlane) -> list[str]:
-    ties = np.array([solution.point_kinds[row] == "tie" for row in scene.rows], dtype=bool)
+    ties = coded(solution.point_kinds)[scene.rows].where("tie".__eq__)
     at = plane.place(scene.points)
     at, is_tie = at[(known := np.isfinite(at).all(axis=1))], ties[known]
     rows = scene.rows[known]
@@ -230,7 +226,7 @@ def _ellipse(
 
 def _names(solution: Solution, scene: _Scene, plane: MapPlane) -> list[str]:
     """Return the names of control and check points that find room, and of photos if they are few."""
-    surveyed = [place for place, row in enumerate(scene.rows.tolist()) if solution.point_kinds[row] != "tie"]
+    surveyed = np.flatnonzero(~coded(solution.point_kinds)[scene.rows].where("tie".__eq__))
     at, names = scene.points[surveyed], [solution.points.names[scene.rows[place]] for place in surveyed]
     if len(solution.photos.names) <= _MOST_LABELS // 2:
         at, names = np.concatenate([at, scene.photos]), [*names, *solution.photos.names]
@@ -283,11 +279,11 @@ def photos_over(places: FloatArray, frames: FloatArray) -> IntArray:
     """Return how many of the convex quadrilaterals (m, 4, 2) each of the places (n, 2) is in."""
     count = np.zeros(len(places), dtype=np.int64)
     x, y = places.T
-    for corners in frames:
-        (left, lower), (right, upper) = corners.min(axis=0), corners.max(axis=0)
+    sides = np.roll(frames, -1, axis=1) - frames
+    bounds = np.hstack([frames.min(axis=1), frames.max(axis=1)]).tolist()
+    for corners, (left, lower, right, upper), side in zip(frames, bounds, sides, strict=True):
         near = np.flatnonzero((x >= left) & (x <= right) & (y >= lower) & (y <= upper))
-        side_x, side_y = (np.roll(corners, -1, axis=0) - corners).T[:, :, None]
         # a row for each side: reductions are quick along the long axis
-        turn = side_x * (y[near] - corners[:, 1:]) - side_y * (x[near] - corners[:, :1])
+        turn = side[:, :1] * (y[near] - corners[:, 1:]) - side[:, 1:] * (x[near] - corners[:, :1])
         count[near] += (turn >= 0.0).all(axis=0) | (turn <= 0.0).all(axis=0)
     return count

@@ -152,7 +152,7 @@ def block_view(given: ReportInput) -> dict[str, Any]:
         "upwards": up.note,
         "points": {
             "names": [solution.points.names[row] for row in rows],
-            "kinds": [solution.point_kinds[row] for row in rows],
+            "kinds": list(coded(solution.point_kinds)[rows]),
             "xyz": _rounded(points - origin),
             "of": len(solution.points.names),
         },

@@ -75,7 +75,7 @@ def ellipse_views(solution: Solution) -> EllipseViews | None:
         note += (
             f" {len(rows)} of {count} points are drawn: control and check points, and a regular sample of the others."
         )
-    found = {"photo", *(solution.point_kinds[row] for row in rows)}
+    found = {"photo", *coded(solution.point_kinds)[rows].occurring()}
     kinds = tuple(kind for kind in ("photo", "control", "check", "rejected", "tie") if kind in found)
     return EllipseViews(tuple(_view(solution, rows, scene, enlargement) for scene in scenes), note, kinds)
 
@@ -130,7 +130,7 @@ def _view(solution: Solution, rows: IntArray, scene: _Scene, enlargement: float)
     photos = plane.place(solution.photos.values[:, scene.axes])
     drawn = [
         *_drawn(scene.photos, photos, scale, ["photo"] * len(photos)),
-        *_drawn(scene.points, points, scale, [solution.point_kinds[row] for row in rows]),
+        *_drawn(scene.points, points, scale, list(coded(solution.point_kinds)[rows])),
         *_photo_marks(solution, photos),
         *_point_marks(solution, rows, points),
         *_names(solution, rows, plane, photos, points),
@@ -187,8 +187,8 @@ def _photo_marks(solution: Solution, places: FloatArray) -> list[str]:
 
 def _point_marks(solution: Solution, rows: IntArray, places: FloatArray) -> list[str]:
     marks = []
-    for row, (x, y) in zip(rows.tolist(), places.tolist(), strict=True):
-        kind, name = solution.point_kinds[row], solution.points.names[row]
+    for row, kind, (x, y) in zip(rows.tolist(), coded(solution.point_kinds)[rows], places.tolist(), strict=True):
+        name = solution.points.names[row]
         if not math.isfinite(x + y):
             continue
         title = f"<title>{kind} point {escape(name)}</title>"
@@ -201,7 +201,7 @@ def _point_marks(solution: Solution, rows: IntArray, places: FloatArray) -> list
 
 def _names(solution: Solution, rows: IntArray, plane: MapPlane, photos: FloatArray, points: FloatArray) -> list[str]:
     """Return the names of photos, control and check points that find room, if they are not too many."""
-    surveyed = [place for place, row in enumerate(rows.tolist()) if solution.point_kinds[row] != "tie"]
+    surveyed = np.flatnonzero(~coded(solution.point_kinds)[rows].where("tie".__eq__))
     groups = [
         (photos, solution.photos.names),
         (points[surveyed], [solution.points.names[row] for row in rows[surveyed]]),

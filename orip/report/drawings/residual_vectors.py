@@ -74,8 +74,7 @@ def photo_anchors(sheets: Sequence[VectorSheet]) -> dict[str, str]:
 
 def measured_reach(given: ReportInput, camera: str) -> float:
     """Return the largest distance (mm) of a camera's photo points from the fiducial centre; 0 without any."""
-    found = [np.einsum("ij,ij->i", photo.xy, photo.xy).max(initial=0.0) for photo in _of_camera(given, camera)]
-    return float(np.sqrt(max(found, default=0.0)))
+    return given.reaches.get(record_key(camera), 0.0)
 
 
 def cell_means(vectors: Sequence[PhotoVectors], low: FloatArray, high: FloatArray) -> CellMeans | None:

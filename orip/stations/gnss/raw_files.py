@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
+import re
 import shutil
+import struct
 import subprocess
 import tempfile
+from datetime import timedelta
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
+from orip.arrays import FloatArray
 from orip.errors import Complaint
 from orip.files.text.shown import shown_token
+from orip.records.epochs import GPS_START, leap_seconds, seconds_of_week_time
 from orip.stations.gnss.calendar import moment
 
 Log = Literal["ubx", "rtcm3"]
 
 _NAMES: dict[Log, str] = {"ubx": "u-blox (UBX)", "rtcm3": "RTCM 3"}
 _UBX, _RTCM = b"\xb5\x62", 0xD3
-_LOOKED_AT = 65_536
+LOOKED_AT = 65_536
 """Bytes in which the first whole message has to be."""
 
 _TIME_LIMIT_S = 1800.0
@@ -24,7 +31,7 @@ _TIME_LIMIT_S = 1800.0
 
 def log_of(data: bytes) -> Log | None:
     """Return what kind of log it is by its first messages whose check sums are right; None: none of these."""
-    begin = data[:_LOOKED_AT]
+    begin = data[:LOOKED_AT]
     at = begin.find(_UBX)
     while at >= 0:
         if _is_ubx(begin, at):
@@ -61,6 +68,48 @@ def _is_rtcm(data: bytes, at: int) -> bool:
         for _ in range(8):
             crc = (crc << 1) ^ (0x1864CFB if crc & 0x800000 else 0)
     return crc & 0xFFFFFF == int.from_bytes(given, "big")
+
+
+_TIME_MARK = re.compile(re.escape(b"\xb5\x62\x0d\x03\x1c\x00"))
+"""Begins a message UBX-TIM-TM2: two edges of a pulse at the event input (interface description, UBX-22008968)."""
+
+_RISING, _FALLING, _KNOWN, _IN_UTC = 0x80, 0x04, 0x40, 2
+
+
+def time_marks(data: bytes) -> FloatArray:
+    """Return the beginnings of the pulses at a u-blox receiver's event input, seconds since 1980-01-06, array (n,).
+
+    The edge that begins a pulse is the one after which the other edge comes sooner, in the median.
+    """
+    edges: dict[int, list[float]] = {_RISING: [], _FALLING: []}
+    for found in _TIME_MARK.finditer(data):
+        if not _is_ubx(data, found.start()):
+            continue
+        flags, rising_week, falling_week, *times = struct.unpack_from("<xBxxHHIIII", data, found.end())
+        if not flags & _KNOWN:
+            continue
+        for edge, week, (milliseconds, nanoseconds) in (
+            (_RISING, rising_week, times[:2]), (_FALLING, falling_week, times[2:]),
+        ):  # fmt: skip
+            time = seconds_of_week_time(week, milliseconds / 1e3 + nanoseconds / 1e9)
+            if flags & edge and np.isfinite(time):
+                edges[edge].append(_gps_time(time) if flags >> 3 & 3 == _IN_UTC else time)
+    rising, falling = (np.unique(times) for times in edges.values())
+    if len(rising) and len(falling):
+        return falling if _until_next(falling, rising) < _until_next(rising, falling) else rising
+    return rising if len(rising) else falling
+
+
+def _gps_time(utc: float) -> float:
+    return utc + leap_seconds(GPS_START + timedelta(seconds=utc))
+
+
+def _until_next(times: FloatArray, others: FloatArray) -> float:
+    """Return the median of the times until the next of the others; infinite where there is none."""
+    place = np.searchsorted(others, times)
+    followed = place < len(others)
+    waits = others[place[followed]] - times[followed]
+    return float(np.median(waits)) if len(waits) else np.inf
 
 
 def rinex_of_log(data: bytes, log: Log, kind: str, near: float | None, shown: str) -> bytes | Complaint:

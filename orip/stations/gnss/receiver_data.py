@@ -8,6 +8,7 @@ from __future__ import annotations
 import gzip
 import re
 import zlib
+from datetime import timedelta
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +19,9 @@ from orip.errors import Complaint
 from orip.files.text.lines import read_bytes
 from orip.files.text.regular_file import LARGEST_FILE
 from orip.files.text.shown import shown_token
+from orip.records.epochs import GPS_START, leap_seconds
 from orip.stations.gnss.calendar import moment, seconds_of_date
-from orip.stations.gnss.raw_files import log_of, rinex_of_log
+from orip.stations.gnss.raw_files import LOOKED_AT, log_of, rinex_of_log, time_marks
 
 _GZIP = b"\x1f\x8b"
 _COMPRESSED = ((b"\x1f\x9d", "compressed by compress (.Z)"), (b"PK\x03\x04", "a ZIP archive"))
@@ -60,7 +62,7 @@ class ReceiverFile(Struct, frozen=True):
     time : array (n,)
         Of the epochs with observations, or of orbits, seconds since 1980-01-06 GPS time; ascending.
     events : array (m,)
-        Times of external events.
+        Times of external events, ascending.
     satellites : frozenset of str
         ``G07``.
     data : bytes
@@ -102,9 +104,10 @@ def read_receiver_file(
     near : float, optional
         A time within half a week of those of the file, as of `rinex_of_log`.
     """
-    data = unpacked(path, shown)
+    data, marks = unpacked(path, shown), None
     log = None if isinstance(data, Complaint) else log_of(data)
     if log is not None and not isinstance(data, Complaint):
+        marks = time_marks(data)
         data = rinex_of_log(data, log, kind, near, shown)
     if isinstance(data, Complaint):
         return [data]
@@ -113,7 +116,7 @@ def read_receiver_file(
     if isinstance(header, Complaint):
         return [header]
     body = lines[header.length :]
-    times, events, satellites = _epochs(body, header.version) if header.kind == "O" else _orbits(body, header)
+    times, events, satellites = _epochs(body, header) if header.kind == "O" else _orbits(body, header)
     complaints = list(header.complaints)
     if not len(times):
         what = "observations" if header.kind == "O" else "orbits"
@@ -122,8 +125,37 @@ def read_receiver_file(
         return complaints
     return ReceiverFile(
         path, shown, header.kind, header.version, header.marker, header.place, header.antenna, header.antenna_type,
-        times, events, satellites, data,
+        times, events if marks is None else marks, satellites, data,
     )  # fmt: skip
+
+
+def read_events(path: Path, shown: str) -> FloatArray | Complaint:
+    """Return the times (n,) of the events that a receiver recorded, as of `ReceiverFile`; or what is wrong."""
+    data = unpacked(path, shown)
+    if isinstance(data, Complaint):
+        return data
+    log = log_of(data)
+    if log is not None:
+        times = time_marks(data)
+    else:
+        lines = data.decode("ascii", errors="replace").splitlines()
+        header = _Header.of(lines, shown)
+        if isinstance(header, Complaint):
+            return header
+        times = _epochs(lines[header.length :], header)[1]
+    if len(times):
+        return times
+    what = "epochs with the flag 5" if log is None else "UBX-TIM-TM2" if log == "ubx" else "RTCM 3 carries none"
+    return Complaint(f"there are no events of the receiver in this file ({what}); was the camera connected?", shown)
+
+
+def is_receiver_file(path: Path) -> bool:
+    """Return whether a file is one of observations: RINEX, also compressed, or a log of u-blox or RTCM 3."""
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        begin = file.read(LOOKED_AT)
+    return begin.startswith(_GZIP) or b"RINEX VERSION" in begin[:200] or log_of(begin) is not None
 
 
 def unpacked(path: Path, shown: str) -> bytes | Complaint:
@@ -179,6 +211,7 @@ class _Header(Struct):
     antenna: FloatArray
     antenna_type: str
     system: str
+    time_system: str
     complaints: list[Complaint]
 
     @classmethod
@@ -199,7 +232,7 @@ class _Header(Struct):
             return Complaint(message, shown, 1, 21)
         header = cls(
             kinds[kind], version[0], end + 1, "", np.full(3, np.nan), np.zeros(3), "",
-            "R" if kind == "G" else first[40:41].strip() or "G", [],
+            "R" if kind == "G" else first[40:41].strip() or "G", {"R": "GLO", "C": "BDT"}.get(first[40:41], ""), [],
         )  # fmt: skip
         for number, line in enumerate(lines[:end], 1):
             header.hear(line, shown, number)
@@ -212,6 +245,8 @@ class _Header(Struct):
             self.marker = line[:_LABEL].strip()
         elif label == "ANT # / TYPE":
             self.antenna_type = line[20:40].strip()
+        elif label == "TIME OF FIRST OBS":
+            self.time_system = line[48:51].strip() or self.time_system
         elif label == "APPROX POSITION XYZ":
             place = _numbers(line[:_LABEL], 3)
             if place is None:
@@ -237,8 +272,13 @@ def _numbers(text: str, count: int) -> list[float] | None:
     return values if len(values) == count and all(np.isfinite(values)) else None
 
 
-def _epochs(lines: list[str], version: float) -> tuple[FloatArray, FloatArray, frozenset[str]]:
+_BEIDOU_BEHIND = 14.0
+"""Seconds of BeiDou time behind GPS time."""
+
+
+def _epochs(lines: list[str], header: _Header) -> tuple[FloatArray, FloatArray, frozenset[str]]:
     """Return times of epochs and of external events, and the satellites observed."""
+    version = header.version
     pattern = _EPOCH_3 if version >= 3.0 else _EPOCH_2
     times, events, satellites = [], [], set[str]()
     named = 0
@@ -261,7 +301,10 @@ def _epochs(lines: list[str], version: float) -> tuple[FloatArray, FloatArray, f
                 named = count - 12
         elif time is not None and flag == _EXTERNAL_EVENT:
             events.append(time)
-    return np.unique(times), np.unique(events), frozenset(satellites)
+    first = (times or events or [0.0])[0]
+    behind = {"GLO": leap_seconds(GPS_START + timedelta(seconds=first)), "BDT": _BEIDOU_BEHIND}
+    late = behind.get(header.time_system, 0.0)
+    return np.unique(times) + late, np.unique(events) + late, frozenset(satellites)
 
 
 def _satellites(text: str) -> set[str]:

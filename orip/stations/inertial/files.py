@@ -1,4 +1,4 @@
-"""Files of inertial units: tables with a column for each quantity; and of trajectories: SBET and SMRMSG."""
+"""Files of inertial units: logs, or tables with a column for each quantity; and of trajectories: SBET and SMRMSG."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from orip.files.text.lines import read_bytes
 from orip.files.text.shown import Parsed, shown_token
 from orip.records.epochs import SECONDS_PER_WEEK
 from orip.stations.gnss.receiver_data import gunzip
+from orip.stations.inertial.loggers import logger_of
 from orip.stations.inertial.samples import ImuSamples
 
 COLUMNS = ("time", "fx", "fy", "fz", "wx", "wy", "wz")
@@ -45,7 +46,8 @@ class ImuForm(Struct, frozen=True):
     Parameters
     ----------
     columns : tuple of str
-        Of `COLUMNS`, in the order of the table; ``-``: not used. Empty: time, three forces, three rates.
+        Of `COLUMNS`, in the order of the table; ``-``: not used. Empty: as the heading has them, else time, three
+        forces, three rates.
     force, rate : str
         Units.
     mount : tuple of 3 float
@@ -72,7 +74,7 @@ def read_imu(path: Path, shown: str, form: ImuForm) -> Parsed[ImuSamples]:
             complaints.append(Complaint(f"the file cannot be unpacked ({error}); give the whole file", shown))
     table = np.zeros((0, len(COLUMNS)))
     if data is not None and not complaints:
-        table, more = _table(data, shown, form)
+        table, more = _read(data, shown, form)
         complaints += more
     if not complaints:
         complaints += _impossible(table, shown)
@@ -83,9 +85,22 @@ def read_imu(path: Path, shown: str, form: ImuForm) -> Parsed[ImuSamples]:
     return Parsed(samples, tuple(complaints))
 
 
+def _read(data: bytes, shown: str, form: ImuForm) -> tuple[FloatArray, list[Complaint]]:
+    """Return times, forces and rates (n, 7) of a log that is known by its content, else of a table."""
+    logger = logger_of(data)
+    if logger is None:
+        return _table(data, shown, form)
+    name, read = logger
+    if form.columns or (form.force, form.rate) != ("m/s2", "rad/s"):
+        text = f"this is a log of {name}, which has its own columns and units; leave them out"
+        return np.zeros((0, len(COLUMNS))), [Complaint(text, shown)]
+    found = read(data, shown)
+    return (np.zeros((0, len(COLUMNS))), [found]) if isinstance(found, Complaint) else (found, [])
+
+
 def _table(data: bytes, shown: str, form: ImuForm) -> tuple[FloatArray, list[Complaint]]:
-    names = form.columns or COLUMNS
     lines = data.decode("utf-8", errors="replace").splitlines()
+    names = form.columns or _columns_of_heading(lines) or COLUMNS
     rows: list[list[float]] = []
     complaints: list[Complaint] = []
     width = len(names)
@@ -114,6 +129,12 @@ def _table(data: bytes, shown: str, form: ImuForm) -> tuple[FloatArray, list[Com
         picked[:, 1:4] *= FORCE_UNITS[form.force]
         picked[:, 4:7] *= RATE_UNITS[form.rate]
     return picked, complaints
+
+
+def _columns_of_heading(lines: list[str]) -> tuple[str, ...]:
+    """Return the columns that the first line names, ``-`` those that are not used; none where it does not name all."""
+    words = _words(lines[0].removeprefix("\ufeff").lower()) if lines else []
+    return tuple(word if word in COLUMNS else "-" for word in words) if set(COLUMNS) <= set(words) else ()
 
 
 def _words(line: str) -> list[str]:

@@ -9,7 +9,7 @@ from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.errors import Complaint, InputError
-from orip.geometry.ground_ellipsoid import geocentric_from_geographic, geographic_from_geocentric, place_axes
+from orip.geometry.ground_ellipsoid import geocentric_from_geographic, place_axes
 from orip.records.epochs import SECONDS_PER_WEEK, Epochs
 from orip.stations.inertial.dense import Dense, ImuResult, LocalFrame
 from orip.stations.inertial.files import TIME_SYSTEMS, ImuForm, read_imu
@@ -65,6 +65,9 @@ def process_imu(files: ImuFiles) -> ImuResult:
     complaints = [*imu_read.complaints, *positions_read.complaints]
     if not complaints and not len(positions_read.value):
         complaints.append(Complaint("there are no positions in this file", files.positions.name))
+    if not complaints and not positions_read.value.is_geographic:
+        text = "positions count from the base; let RTKLIB write latitude, longitude and height, or geocentric X, Y, Z"
+        complaints.append(Complaint(text, files.positions.name))
     if complaints:
         raise InputError(complaints)
     positions = positions_read.value
@@ -143,15 +146,10 @@ _USUAL_VELOCITY = 0.1
 
 
 def local_fixes(positions: Epochs) -> tuple[Fixes, LocalFrame, LocalGravity]:
-    """Return fixes in a local frame at the first of them, the frame, and its gravity."""
-    place = positions.place
-    if not positions.is_geographic:
-        place = geographic_from_geocentric(place, WGS84)
+    """Return fixes, of geographic positions, in a local frame at the first of them, the frame, and its gravity."""
+    place, covariance = positions.place, positions.covariance
     geocentric = geocentric_from_geographic(place, WGS84)
     axes = place_axes(place[:1])[0]
-    covariance = positions.covariance
-    if not positions.is_geographic:
-        covariance = axes @ covariance @ axes.T
     usual = np.array([np.diag(np.square(_USUAL[quality])) for quality in positions.quality])
     covariance = np.where(np.isfinite(covariance), covariance, usual)
     deviation = np.where(np.isfinite(positions.velocity), _USUAL_VELOCITY, np.nan)

@@ -12,7 +12,6 @@ from orip.bundle.problem import pose_problem
 from orip.bundle.results.reliability import suspect_rows
 from orip.bundle.solve import SolvedBlock
 from orip.images.images_of_photos import paths_of_photos
-from orip.prelim.ground import absolute_in_project
 from orip.records.coded_names import coded
 from orip.records.ground import GroundSystem
 from orip.records.names import record_key
@@ -24,7 +23,6 @@ from orip.solving.solve import NOBODY, PLAIN, Pose, SolveWatcher, solve_bundle
 from orip.structs import replace
 from orip.workflow.adjust.gates import check_solution, project_gates
 from orip.workflow.adjust.gathering import block_input
-from orip.workflow.adjust.prelim import listed_values, preliminary_output
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Change
 from orip.workflow.project.folder import ProjectFolder
@@ -184,6 +182,9 @@ def _inputs(bundle: BundleState) -> Digests:
 
 
 def _preliminary_output(bundle: BundleState, values: PreliminaryValues, ground: GroundSystem) -> TextOutput:
+    from orip.prelim.ground import absolute_in_project
+    from orip.workflow.adjust.prelim import listed_values, preliminary_output
+
     listed = listed_values(absolute_in_project(values, ground), ground)
     return preliminary_output(bundle.project, bundle.name, listed)
 

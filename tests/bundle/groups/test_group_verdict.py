@@ -12,6 +12,7 @@ from monte_carlo.simulated_blocks import solved
 from support.synthetic_block import SyntheticBlock
 
 from orip.bundle.groups.figures import GroundGroups, GroupFigures, ground_tests, is_testable, photo_test
+from orip.bundle.groups.held_cameras import held_cameras
 from orip.bundle.groups.hypotheses import SINGLE_CONTROL, hypotheses, number_of_shifts
 from orip.bundle.groups.observation_groups import observation_groups
 from orip.bundle.groups.verdict import FAMILY, GroupVerdict, limits_of_tests
@@ -149,3 +150,15 @@ def test_all_tests_of_a_block_share_the_probability_of_an_error(kind) -> None:
     others = sum(len(set(group.log_p) - {"mean"}) for group in tested) + len(photos)
     assert len(parts) > len(ground.groups) / 2
     assert sum(parts) * np.exp(limits.shift) + others * np.exp(limits.other) == pytest.approx(FAMILY, rel=1e-12)
+
+
+def test_what_unknowns_absorb_of_a_held_camera_is_never_more_than_all() -> None:
+    """The normal equations may be those before the last iteration, whose rows are hardly different."""
+    solved_block = solved(grouped_block("none", 1).block)
+    correction = 0.03 * np.random.default_rng(1).normal(size=solved_block.problem.layout.size)
+    nearby = replace(solved_block, state=solved_block.problem.update(solved_block.state, correction))
+    held = held_cameras(nearby, solved_block.weight_factors)
+    assert held is not None
+    left = held.sums.square - held.sums.right.T @ held.sums.moved
+    scale = np.sqrt(np.diag(held.sums.square))
+    assert np.linalg.eigvalsh(left / np.outer(scale, scale)).min() > -1e-10

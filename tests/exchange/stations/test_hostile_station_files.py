@@ -19,6 +19,11 @@ _EXIF = (
     b"\x35\0\0\0\x01\0\0\0\x21\0\0\0\x01\0\0\0\x09\0\0\0\x01\0\0\0\xff\xd9"
 )
 _XMP = b'<x:xmpmeta drone-dji:GpsLatitude="53.5" drone-dji:GimbalYawDegree="-1" drone-dji:RtkFlag="50"></x:xmpmeta>'
+_RINEX = """\
+     2.10           OBSERVATION DATA    G (GPS)             RINEX VERSION / TYPE
+                                                            END OF HEADER
+ 05  4  2  0  0 31.2500000  5  0
+"""
 SEEDS = {
     "a.pos": [POS.encode(), POS.replace("2020/12/24 21:28:42", "2137 422922").encode()],
     "a.MRK": [MRK.encode()],
@@ -29,6 +34,10 @@ SEEDS = {
         b"photo;time\nP1;2020-12-24T21:28:42.5\n",
     ],
     "a.jpg": [_EXIF + _XMP, _EXIF],
+    "a.obs": [
+        _RINEX.encode(),
+        bytes.fromhex("b5620d031c0000cc070024052405e803000000000000fc03000000000000320000006de5"),
+    ],
 }
 
 

@@ -10,6 +10,7 @@ import pytest
 from cli.command_line import orip
 from conversion.exchanged_blocks import PINHOLE, block
 from exchange.colmap_samples import genuine, small_model, written
+from reference.published_data import data_set
 
 from orip.errors import InputError
 from orip.exchange.colmap.model import ColmapCamera
@@ -215,6 +216,22 @@ def test_words_of_the_command_line(tmp_path: Path) -> None:
         assert (said.code, message in said.err) == (2, True), (words, said.err)
 
 
+def test_the_only_file_of_a_format_in_a_folder_is_read_whatever_its_name(tmp_path: Path) -> None:
+    cameras = "".join(f"{n}.jpg 3000 1 0 0 0 {n} 0 0 0 0\n" for n in range(3))
+    folder = tmp_path / "from vision"
+    folder.mkdir()
+    (folder / "notes.txt").write_text("NVM is in the other file\n", encoding="utf-8")
+    (folder / "church.nvm").write_text(f"NVM_V3\n\n3\n{cameras}\n0\n\n0\n", encoding="utf-8")
+    for words in (["from vision"], ["nvm", "from vision"]):
+        said = orip(tmp_path, "import", *words, f"new{len(words)}", "--frame", "3000x2000")
+        assert said.code == 0, said.err
+        assert "import   nvm: 3 photos" in said.err
+    (folder / "tower.nvm").write_bytes((folder / "church.nvm").read_bytes())
+    said = orip(tmp_path, "import", "from vision", "new")
+    assert said.code == 2
+    assert "several files of other programs: church.nvm (nvm), tower.nvm (nvm); name one of them" in said.err
+
+
 def test_a_genuine_model_as_a_free_network(tmp_path: Path) -> None:
     genuine("sceaux-9-text", tmp_path / "sceaux")
     said = orip(tmp_path, "import", "sceaux", "new")
@@ -227,6 +244,14 @@ def test_a_genuine_model_as_a_free_network(tmp_path: Path) -> None:
     # COLMAP has minimised the same residuals, with a robust loss or none: its sigma0 is 0.8269 / sqrt(2), and the
     # redundancy is 0.63 of the observations
     assert said.document["sigma0"] == pytest.approx(0.8269 / 2.0**0.5 / 0.628**0.5, rel=0.01)
+
+
+def test_a_size_that_cannot_be_right_is_questioned(tmp_path: Path) -> None:
+    """Its pixels are absolute: where the middle of the image is follows from its size."""
+    source = data_set("exchange") / "colmap" / "visualsfm" / "sceaux.nvm"
+    said = orip(tmp_path, "import", str(source), "new", "--frame", "3072x2048")
+    assert said.code == 3
+    assert "check that --frame 3072x2048 is the size of the images" in said.err
 
 
 def test_the_size_of_all_photos_is_asked_for_once(tmp_path: Path) -> None:
