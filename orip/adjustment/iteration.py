@@ -54,8 +54,7 @@ class Adjustment(Struct, Generic[StateT], frozen=True):
     normals : SolvedNormals
         Factored with the final weights.
     linearised_at : state of the problem
-        State of the normal equations and of the rows of the equations: the final one, or the one before the last
-        iteration where that one changed next to nothing.
+        Of normal equations and rows: the final one, or the one before a last iteration that changed next to nothing.
     iterations : tuple of IterationRecord
     reason : TerminationReason
     weighing : Weighing
@@ -139,16 +138,14 @@ def adjust(
             # the normal equations of the next iteration need their memory
             del step
     final = _effective(now.current.equations, now.weighing.factors(now.current.equations, len(now.records)))
-    equations, normals = now.current.equations, None
+    equations, linearised_at, normals = now.current.equations, now.current.state, None
     # damped normal equations are not those of the solution
     is_near = now.records[-1].enp >= _SAME_PLACE_ENP and now.current is step.moved and not step.damped
-    linearised_at = now.current.state
     if is_near and np.array_equal(_effective(step.before.equations, weights), final):
-        equations, normals = replace(equations, rows=step.before.equations.rows), step.normals
-        linearised_at = step.before.state
+        equations = replace(equations, rows=step.before.equations.rows)
+        linearised_at, normals = step.before.state, step.normals
     del step
-    if normals is None:
-        normals = solve_normals(equations, final, problem.layout, settings.max_lost_digits)
+    normals = normals or solve_normals(equations, final, problem.layout, settings.max_lost_digits)
     return Adjustment(now.current.state, equations, final, normals, linearised_at, now.records, reason, now.weighing)
 
 

@@ -25,6 +25,7 @@ from orip.bundle.datum.free_datum import FreeDatum, free_datum
 from orip.bundle.kinds.all_kinds import KINDS, require_enough_digits
 from orip.bundle.kinds.observation import Observations, partials_by_unknowns
 from orip.bundle.kinds.photo_point import PhotoPointObservations
+from orip.bundle.known_motions import KnownMotions, motions_of_rolling_shutters
 from orip.bundle.points.consensus import (
     Moves,
     come_near,
@@ -51,7 +52,6 @@ from orip.bundle.rigs.elements import columns_by_rigs
 from orip.bundle.starting_state import starting_state
 from orip.bundle.state import BlockState, entries_at, moving, rotation_limit
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns
-from orip.interior.motions import TimedPhotos, strips_of_rolling_shutters
 from orip.records.block import Block
 from orip.set_aside import ColumnByParts, set_aside
 from orip.structs import replace
@@ -78,7 +78,7 @@ class BlockProblem(Struct, frozen=True):
     datum: FreeDatum | None = None
     excluded: NDArray[np.bool_] | None = None
     streamed: tuple[PointLoop, BlockProblem] | None = None
-    strips: tuple[TimedPhotos, ...] = ()
+    known_motions: KnownMotions = KnownMotions()
 
     @property
     def layout(self) -> Layout:
@@ -193,7 +193,7 @@ class BlockProblem(Struct, frozen=True):
         """Return the state after a correction."""
         if self.datum is not None:
             correction = self.datum.transformed(correction, state, self.unknowns)
-        moved = moving(state.moved(correction, self.unknowns), self.block, self.strips)
+        moved = moving(state.moved(correction, self.unknowns), self.block, self.known_motions)
         memory = {
             kind.rows.kind.name: kept
             for kind in self.observations
@@ -329,7 +329,7 @@ def posed(block: Block) -> Posed:
     rest = tuple(kind for kind in observations if kind is not photo_points and len(kind.rows.error))
     staying = () if eliminated.all() else (photo_points.of(~eliminated),)
     others = BlockProblem(block, unknowns, (*staying, *rest))
-    problem = BlockProblem(block, unknowns, observations, strips=strips_of_rolling_shutters(block))
+    problem = BlockProblem(block, unknowns, observations, known_motions=motions_of_rolling_shutters(block))
     return Posed(problem, photo_points, others, _couples_points(others))
 
 

@@ -6,11 +6,11 @@ import numpy as np
 
 from orip.bundle.antennas import station_places
 from orip.bundle.figures import placed_figures
+from orip.bundle.known_motions import motions_of_rolling_shutters
 from orip.bundle.rigs.starting import starting_rigs
 from orip.bundle.state import BlockState, antenna_parameters, camera_parameters, moving
 from orip.bundle.unknowns import set_names
 from orip.geometry.rotation import rotation_from_angles
-from orip.interior.motions import strips_of_rolling_shutters
 from orip.records.block import Block
 
 
@@ -36,4 +36,4 @@ def starting_state(block: Block) -> BlockState:
             [any(kind in photo.constant for kind in ("OMEGA", "PHI", "KAPPA")) for photo in block.photos], dtype=bool
         ),
     )
-    return moving(state.with_rigs(starting_rigs(block)), block, strips_of_rolling_shutters(block))
+    return moving(state.with_rigs(starting_rigs(block)), block, motions_of_rolling_shutters(block))

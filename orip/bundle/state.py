@@ -9,6 +9,7 @@ from msgspec import Struct, field
 from numpy.typing import NDArray
 
 from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.bundle.known_motions import KnownMotions
 from orip.bundle.rigs.elements import RigState, partials_of_photos
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.geometry.rotation import (
@@ -17,7 +18,7 @@ from orip.geometry.rotation import (
     rotation_about_axes,
     rotation_from_angles,
 )
-from orip.interior.motions import Poses, TimedPhotos, motions, poses, rolling_cameras, rows_of_readout
+from orip.interior.motions import Poses, poses, rolling_cameras, rows_of_readout
 from orip.records.block import Block
 from orip.records.camera import CAMERA_PARAMETERS, LENS_PLACES, READOUT, first_of_lens
 from orip.records.definition import ANTENNA_PARAMETERS, BORESIGHT_PLACES
@@ -91,7 +92,7 @@ class BlockState(Struct, frozen=True):
     rotations : array (number of photos, 3, 3)
         Photo to ground.
     motions : array (number of photos, 6)
-        Velocities and angular rates of photos of rolling shutters, from their neighbours; see `orip.interior.motions`.
+        Velocities and angular rates of photos of rolling shutters; see `orip.bundle.known_motions`.
     motion_corrections : array (number of photos, 6)
         What is unknown of them, times the readout: shifts (ground unit) and turns (radians) during all of it.
     readouts : array (number of photos,)
@@ -183,13 +184,13 @@ class BlockState(Struct, frozen=True):
         return moved.with_rigs(rigs)
 
 
-def moving(state: BlockState, block: Block, strips: tuple[TimedPhotos, ...]) -> BlockState:
+def moving(state: BlockState, block: Block, known: KnownMotions) -> BlockState:
     """Return the state with motions and readouts of photos as its orientations and cameras say."""
     if not rolling_cameras(block).any():
         return state
     return replace(
         state,
-        motions=motions(strips, state.centres, state.rotations),
+        motions=known.at(state.centres, state.rotations, state.antennas),
         readouts=state.cameras[block.photo_camera, READOUT],
     )
 

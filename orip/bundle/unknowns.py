@@ -9,6 +9,7 @@ OMEGA or PHI is reported, and not KAPPA.
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Iterator, Sequence
+from itertools import compress
 from operator import index
 from typing import NamedTuple, SupportsIndex
 
@@ -19,9 +20,9 @@ from numpy.typing import NDArray
 from orip.adjustment.equations import Layout
 from orip.arrays import IntArray
 from orip.bundle.antennas import name_of_stretch, station_places
+from orip.bundle.known_motions import motion_errors
 from orip.bundle.rigs.elements import RigColumns
 from orip.interior.additional_parameters import PARAMETER_SETS
-from orip.interior.motions import rolling_cameras, unknown_motions
 from orip.records.block import Block
 from orip.records.camera import CAMERA_PARAMETERS, LENS_PLACES, OWN_PARAMETERS, Camera, first_of_lens
 from orip.records.definition import ANTENNA_PARAMETERS, DRIFT, MOTION_PARAMETERS, SHIFT
@@ -206,10 +207,12 @@ def _number_photos(block: Block, names: list[UnknownName], of_rigs: Container[in
     Some photos have no elements of their own: they are of rigs.
     """
     photos, motions = [], []
-    for row, (photo, moves) in enumerate(zip(block.photos, rolling_cameras(block)[block.photo_camera], strict=True)):
+    for row, (photo, moves) in enumerate(zip(block.photos, np.isfinite(motion_errors(block).values), strict=True)):
         free = () if row in of_rigs else set(_PHOTO_ORDER) - set(photo.constant)
         photos.append(_number("PHOTO", photo.name, _PHOTO_ORDER, free, names))
-        motions.append(_number("PHOTO", photo.name, MOTION_PARAMETERS, unknown_motions(block) if moves else (), names))
+        motions.append(
+            _number("PHOTO", photo.name, MOTION_PARAMETERS, tuple(compress(MOTION_PARAMETERS, moves)), names)
+        )
     return np.array(photos)[:, _PLACES], np.array(motions)
 
 

@@ -20,6 +20,7 @@ from orip.cli.terminal import Terminal, warning_rows
 from orip.threads import limited_threads
 
 if TYPE_CHECKING:
+    from orip.errors import ProjectWarning
     from orip.workflow.records.reconcile import Prefer
     from orip.workflow.run import RunSettings
 
@@ -83,7 +84,7 @@ def run_project(
         solving=solve_watcher(terminal),
         solved=partial(tell_solution, terminal),
         driven=partial(_tell_drive, terminal),
-        processed=terminal.point,
+        processed=partial(_tell_processed, terminal),
     )
     with limited_threads(terminal.threads):
         state = read_checked_project(folder, *INITIALISED_FROM)
@@ -99,6 +100,11 @@ def run_project(
     elif terminal.json:
         terminal.document("results", {"command": "run", "results": [result_document(one) for one in solutions]})
     return max((exit_code(outcome, all_wanted=all_photos) for outcome in outcomes), default=0)
+
+
+def _tell_processed(terminal: Terminal, label: str, text: str, warnings: tuple[ProjectWarning, ...]) -> None:
+    terminal.point(label, text)
+    terminal.warn(warnings)
 
 
 def _tell_drive(terminal: Terminal, made: Any) -> None:

@@ -13,7 +13,7 @@ from orip.geometry.ground_crs import geodetic_of, known_crs, near_place
 from orip.geometry.ground_ellipsoid import heights_to_ellipsoid, place_axes
 from orip.geometry.ground_frame import GroundFrame, ground_frame
 from orip.geometry.rotation import angles_from_rotation, rotation_from_navigation
-from orip.records.control import IN_PROJECT, Station, StationReference
+from orip.records.control import IN_PROJECT, Station, StationMotion, StationReference
 from orip.structs import replace
 
 if TYPE_CHECKING:
@@ -146,8 +146,9 @@ def stations_of_reference(
 ) -> tuple[Station, ...]:
     """Return stations in the project's coordinates, with omega, phi and kappa against its axes.
 
-    Standard deviations of positions are along east, north and up, or along geocentric axes where positions are
-    geocentric; those of roll and pitch become that of omega and phi, the larger of both, that of heading that of kappa.
+    Motions and standard deviations of positions are along east, north and up, or along geocentric axes where positions
+    are geocentric; standard deviations of roll and pitch become that of omega and phi, the larger of both, that of
+    heading that of kappa.
 
     Raises
     ------
@@ -185,7 +186,7 @@ def _frame(crs: str, ground_unit: str, position: FloatArray) -> GroundFrame:
 def _moved(station: Station, position: FloatArray, turn: FloatArray) -> Station:
     """Return a station at a position, its errors along turned axes where all of them are used or compared alike."""
     x, y, z = position.tolist()
-    station = replace(station, position=(x, y, z))
+    station = replace(station, position=(x, y, z), motion=motion_along(station.motion, turn))
     errors = np.array(station.position_error)
     if not ((errors > 0.0).all() or (errors < 0.0).all()):
         return station
@@ -194,6 +195,21 @@ def _moved(station: Station, position: FloatArray, turn: FloatArray) -> Station:
     first, second, third = (np.sign(errors) * np.sqrt(np.diag(covariance))).tolist()
     rows = tuple((float(row[0]), float(row[1]), float(row[2])) for row in covariance)
     return replace(station, position_error=(first, second, third), covariance=rows)
+
+
+def motion_along(motion: StationMotion | None, turn: FloatArray, per_unit: float = 1.0) -> StationMotion | None:
+    """Return a motion along and about axes to which a rotation (3, 3) takes those that it is along.
+
+    `per_unit` is how much of its unit of length the new one has.
+    """
+    if motion is None:
+        return None
+    turned = [turn @ np.array(motion.velocity) / per_unit, turn @ np.array(motion.rate)]
+    errors = [
+        np.sqrt(turn**2 @ np.square(motion.velocity_error)) / per_unit, np.sqrt(turn**2 @ np.square(motion.rate_error)),
+    ]  # fmt: skip
+    velocity, rate, velocity_error, rate_error = ((one[0], one[1], one[2]) for one in map(list, [*turned, *errors]))
+    return StationMotion(velocity, velocity_error, rate, rate_error)
 
 
 def _turned(stations: Sequence[Station], to_grid: FloatArray, known: BoolArray) -> list[Station]:

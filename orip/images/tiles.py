@@ -129,6 +129,7 @@ class TileStore:
                 return found[:, columns].copy()
             whole = self._decoded.get(memory)
             if whole is None:
+                self._make_room(image.size[0] * image.size[1])
                 whole = self._decoder.submit(read_eight_bits, image.path, image.shown).result()
                 if not self._folder.write(file, whole.tobytes()):
                     self._kept(memory, whole.nbytes, lambda: whole)
@@ -136,12 +137,15 @@ class TileStore:
 
     def _kept(self, key: str, size: int, read: Callable[[], NDArray[np.uint8]]) -> NDArray[np.uint8]:
         if key not in self._decoded:
-            # room is made first: decoding takes as much once more
-            while self._decoded and size + sum(one.nbytes for one in self._decoded.values()) > KEPT_BYTES:
-                self._decoded.popitem(last=False)
+            self._make_room(size)
             self._decoded[key] = self._decoder.submit(read).result()
         self._decoded.move_to_end(key)
         return self._decoded[key]
+
+    def _make_room(self, size: int) -> None:
+        """Let go of levels before others are decoded, which takes as much once more."""
+        while self._decoded and size + sum(one.nbytes for one in self._decoded.values()) > KEPT_BYTES:
+            self._decoded.popitem(last=False)
 
     def require_as_found(self, image: StoredImage) -> None:
         """Refuse an image that cannot be read, or has another size meanwhile."""

@@ -11,20 +11,12 @@ While an iteration lasts the motions are held; they are found again from what it
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from itertools import pairwise
-
 import numpy as np
 from msgspec import Struct
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.errors import ProjectWarning
 from orip.geometry.rotation import angles_between, rotation_about_axes, rotation_vectors_with_partials
 from orip.records.block import Block
-from orip.records.camera import READOUT
-from orip.records.definition import DRIFT, RATES
-from orip.records.names import record_key
-from orip.wording import counted, first_names
 
 _LONGEST_PAUSE = 2.5
 """In median intervals of a strip: after a longer one the flight was another one."""
@@ -37,10 +29,6 @@ It is near 1 for what is steady, 1/2 for a swing of six intervals, and -1/2 for 
 
 _LARGEST_TURN = 1.0
 """Radians between two exposures: a camera that turns further does not do so evenly."""
-
-
-_NAMED = 3
-"""Photos that a warning names."""
 
 
 class TimedPhotos(Struct, frozen=True):
@@ -60,51 +48,7 @@ class TimedPhotos(Struct, frozen=True):
 
 def rolling_cameras(block: Block) -> BoolArray:
     """Return which cameras (number of cameras,) have a readout time that is not zero, or unknown."""
-    return np.array([camera.parameters[READOUT] != 0.0 or "READOUT" in camera.unknown for camera in block.cameras])
-
-
-def strips_of_rolling_shutters(block: Block) -> tuple[TimedPhotos, ...]:
-    """Return the strips of a block with a rolling shutter; none of others."""
-    return timed_photos(block) if rolling_cameras(block).any() else ()
-
-
-def unknown_motions(block: Block) -> tuple[str, ...]:
-    """Return which `MOTION_PARAMETERS` are unknowns of the photos of rolling shutters."""
-    definition = block.definition
-    velocities = DRIFT if definition.velocity_error is not None else ()
-    return velocities + (RATES if definition.rate_error is not None else ())
-
-
-def timed_photos(block: Block) -> tuple[TimedPhotos, ...]:
-    """Return the photos of each strip and camera whose stations have times; a strip with equal times is left out."""
-    timed = [station for station in block.stations if np.isfinite(station.time)]
-    row_of = {record_key(photo.name): row for row, photo in enumerate(block.photos) if timed}
-    strips: dict[tuple[int, str], list[tuple[float, int]]] = {}
-    for station in timed:
-        row = row_of[record_key(station.photo)]
-        strips.setdefault((int(block.photo_camera[row]), station.strip), []).append((station.time, row))
-    found = []
-    for members in strips.values():
-        times, photos = zip(*sorted(members), strict=True)
-        if len(photos) > 1 and all(one < other for one, other in pairwise(times)):
-            found.append(TimedPhotos(np.array(photos, dtype=np.int64), np.array(times)))
-    return tuple(found)
-
-
-def without_motion(block: Block) -> Iterator[ProjectWarning]:
-    """Yield a warning of each rolling shutter with photos whose motion is not known."""
-    known = {row for strip in strips_of_rolling_shutters(block) for row in strip.photos.tolist()}
-    for camera in np.flatnonzero(rolling_cameras(block)).tolist():
-        photos = np.flatnonzero(block.photo_camera == camera).tolist()
-        still = [block.photos[row].name for row in photos if row not in known]
-        if still:
-            text = (
-                f"it has a readout, but {counted(len(still), 'photo')} of {len(photos)} have no known motion "
-                f"({first_names(still, _NAMED)}); give exposure stations with times and strips (.STA)"
-            )
-            if not unknown_motions(block):
-                text += ", or velocity_error and rate_error in the [[bundle]]"
-            yield ProjectWarning("no-motion", f"camera {block.cameras[camera].name}", text)
+    return np.array([camera.is_rolling for camera in block.cameras])
 
 
 def motions(strips: tuple[TimedPhotos, ...], centres: FloatArray, rotations: FloatArray) -> FloatArray:

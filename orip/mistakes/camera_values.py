@@ -311,12 +311,13 @@ def rolling_shutters(solved: SolvedBlock, readjuster: Readjuster) -> list[Projec
     It is tried as an unknown before it is advised; where that is not possible, or fails, its size is that of the test.
     """
     from orip.bundle.groups.held_readouts import readout_test
-    from orip.interior.motions import motions, timed_photos
+    from orip.bundle.known_motions import known_motions
 
     block = solved.block
     if len(block.photo_points.photo) > _MOST_PHOTO_POINTS:
         return []
-    motion = motions(timed_photos(block), solved.state.centres, solved.state.rotations)
+    state = solved.state
+    motion = known_motions(block).at(state.centres, state.rotations, state.antennas)
     if not motion.any():
         return []
     excess = max(solved.variance.sigma0**2 - 1.0, 0.0) if np.isfinite(solved.variance.sigma0) else 0.0

@@ -13,7 +13,7 @@ from orip.online.sequential.standings import falls, redundancies
 Shown = dict[str, Any]
 
 
-def residuals_of(measuring: Measuring, photo: str = "", point: str = "") -> list[Shown]:
+def residuals_of(measuring: Measuring, photo: str = "", point: str = "", most: int | None = None) -> list[Shown]:
     """Return the photo points that are in: residuals and redundancy numbers of x and y, w and its limit, largest first.
 
     Residuals are computed minus observed, divided by the a-priori errors.
@@ -22,6 +22,8 @@ def residuals_of(measuring: Measuring, photo: str = "", point: str = "") -> list
     ----------
     photo, point : str
         Those of this photo alone, as it is defined, and of this point; empty: of all.
+    most : int or None
+        As many; None: all.
     """
     equations = measuring.block.equations
     of_both = measuring.block.included_of([photo] if photo else (), [point] if point else ())
@@ -33,20 +35,20 @@ def residuals_of(measuring: Measuring, photo: str = "", point: str = "") -> list
     standings = equations.standings(keys)
     squares, checked = falls(standings)
     limits = {count: measuring.limit(max(count, 1)) for count in np.unique(checked).tolist()}
-    found = [
+    w, limit = np.sqrt(squares), np.array([limits[count] for count in checked.tolist()])
+    order = np.argsort(-w / limit, kind="stable")[:most].tolist()
+    largest = [standings[place] for place in order]
+    return [
         {
-            "photo": key.photo,
-            "point": key.point,
+            "photo": keys[place].photo,
+            "point": keys[place].point,
             "v": standing.residual.tolist(),
             "redundancy": redundancy,
-            "w": w,
-            "limit": limits[count],
+            "w": float(w[place]),
+            "limit": float(limit[place]),
         }
-        for key, standing, redundancy, w, count in zip(
-            keys, standings, redundancies(standings), np.sqrt(squares).tolist(), checked.tolist(), strict=True
-        )
+        for place, standing, redundancy in zip(order, largest, redundancies(largest), strict=True)
     ]
-    return sorted(found, key=lambda one: -one["w"] / one["limit"])
 
 
 def given_of(measuring: Measuring) -> list[Shown]:

@@ -343,7 +343,7 @@ class Measuring:
             return False
         self._attempts.started(block.measurements)
         orientations, points = block.at_solution()
-        other = Measuring(block.begun_again(self.excluded), on_ground(first, orientations, points))
+        other = Measuring(block.begun_again(self.excluded), on_ground(first, orientations, dict(points)))
         if other.block.local is not None or not orientations.keys() <= other.block.values.orientations.keys():
             return False
         self._begun_with = len(block.measurements)

@@ -18,6 +18,7 @@ from orip.interior.mounting import frame_corners
 from orip.online.answers import State, words_of
 from orip.online.block.measurements import ray_error
 from orip.online.film_marks import MarkEdit
+from orip.online.fit import residuals_of
 from orip.online.measuring import Measuring
 from orip.online.point_views import (
     SeenBlock,
@@ -230,6 +231,11 @@ class ServedSession:
     def control(self) -> list[str]:
         """Return the names of the points with control."""
         return sorted(self._session.measuring.block.project.control.points, key=natural_key)
+
+    def residuals(self, most: int, photo: str = "") -> list[dict[str, Any]]:
+        """Return what fits least, in a photo or in all of them; see `residuals_of`."""
+        with self._lock:
+            return residuals_of(self._session.measuring, photo and self._session.name_of(photo), most=most)
 
     def views(self, point: str) -> tuple[list[View], list[float | None] | None]:
         """Return where the photos show a point, best first, and its coordinates less those that control gives."""

@@ -126,7 +126,7 @@ class SeenBlock(Struct, frozen=True):
     ----------
     photos : dict of PhotoGeometry
         Those that are oriented, by name.
-    points : dict of array (3,)
+    points : mapping of array (3,)
         Those that are placed, by name, local coordinates.
     looks : array (photos, 2, 3)
         Their centres and the directions in which they look.
@@ -136,7 +136,7 @@ class SeenBlock(Struct, frozen=True):
 
     block: OnlineBlock
     photos: dict[str, PhotoGeometry]
-    points: dict[str, FloatArray]
+    points: Mapping[str, FloatArray]
     looks: FloatArray
     least_along: FloatArray
 

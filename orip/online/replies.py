@@ -55,7 +55,7 @@ def _at_solution(measuring: Measuring) -> Iterator[OnlineBlock]:
         yield measuring.block
 
 
-def _shown_values(block: OnlineBlock) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
+def _shown_values(block: OnlineBlock) -> tuple[dict[str, FloatArray], Mapping[str, FloatArray]]:
     """Return orientations and points of the solution; in a local system its first photo is at the origin."""
     orientations, points = block.at_solution()
     photos = [name for name in block.measurements.photos if name in orientations]

@@ -88,17 +88,16 @@ def _adjusted(terminal: Terminal, folder: Path) -> int:
     """Measure tie points in a new project and adjust it; return the exit code of the adjustment."""
     from orip.cli.run import run_project
     from orip.pictures.match import MatchRequest, match_photos
-    from orip.pictures.match_command import tell
+    from orip.pictures.match_command import foreteller, tell
     from orip.pictures.tie_points import TieSettings
     from orip.threads import limited_threads
     from orip.workflow.project.commit import commit
     from orip.workflow.records.commands import read_records
 
     state = read_records(folder)
+    request = MatchRequest(state.project.bundle_name(None), None, TieSettings(), adjusts=True)
     with limited_threads(terminal.threads):
-        outcome = commit(
-            match_photos(state, MatchRequest(state.project.bundle_name(None), None, TieSettings()))
-        ).outcome
+        outcome = commit(match_photos(state, request, foreteller(terminal))).outcome
     if not terminal.json:
         tell(terminal, outcome)
     return run_project(terminal, folder)

@@ -32,6 +32,8 @@ _FEWEST_COMPARED = 4
 _SAME_GREY, _SAME_SHARE = 2.0, 0.1
 """Mean difference of grey values, and its share of their standard deviation, of a picture that was compressed again."""
 _COMPARED_SIDE = 32
+_LONGEST = 3.0
+"""Longer over shorter side: frames of cameras have up to 2.7."""
 _EXAMINED_WIDTH = 2000
 """Columns, about, of the reduced image in which sharpness is looked at."""
 _BETWEEN_FLIGHTS_S = 1800.0
@@ -113,7 +115,7 @@ def _examined(path: Path, sensor_width: float | None) -> SurveyedPhoto:
     camera = camera_of(tags, header.columns, header.rows, sensor_width)
     return SurveyedPhoto(
         path, camera, exposure, header.orientation, _sharpness(grey), file_digest(path), _small(grey),
-        _screenshot(header, camera),
+        _no_exposure(header, camera),
     )  # fmt: skip
 
 
@@ -135,8 +137,11 @@ def _tags(path: Path) -> tuple[ImageTags, Exposure]:
         return nothing, exposure_of(nothing)
 
 
-def _screenshot(header: ImageHeader, camera: ImageCamera) -> str:
+def _no_exposure(header: ImageHeader, camera: ImageCamera) -> str:
+    """Say why an image is none that a camera took at once; empty if nothing speaks against it."""
     size = (max(header.columns, header.rows), min(header.columns, header.rows))
+    if size[0] > _LONGEST * size[1]:
+        return f"it has {header.columns} x {header.rows} pixels: a panorama or strip, which is no central projection"
     if camera.model or camera.lens or size not in _SCREENS:
         return ""
     return f"it has no camera in EXIF and the size of a screen, {size[0]} x {size[1]}: probably a screenshot"

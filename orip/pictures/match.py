@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -16,13 +16,16 @@ from orip.files.text.regular_file import beginning, file_digest
 from orip.images.image_files import read_eight_bits
 from orip.images.images_of_photos import image_fault, origin_of_pixels, paths_of_photos
 from orip.images.matching.least_squares import Fate
+from orip.pictures.forecast import Forecast, Pace, Work
 from orip.pictures.matching.features import DETAIL
+from orip.pictures.matching.pairs import expected_pairs
 from orip.pictures.matching_cache import MatchingCache
 from orip.pictures.tie_points import Picture, TiePoints, TieSettings, features_of, find_tie_points
 from orip.records.camera import Camera
 from orip.records.names import record_key
 from orip.records.photo import Photo, Scan
 from orip.structs import replace
+from orip.threads import available_threads
 from orip.workflow.project.commit import Change
 from orip.workflow.project.outputs import EditedText, digest_of_text
 from orip.workflow.project.state import ProjectState
@@ -59,12 +62,15 @@ class MatchRequest(Struct, frozen=True):
     settings : TieSettings
     replaces : bool
         A file that is no earlier output of matching is replaced, too.
+    adjusts : bool
+        An adjustment follows: a forecast has it, too.
     """
 
     bundle: str
     images: Path | None = None
     settings: TieSettings = TieSettings()
     replaces: bool = False
+    adjusts: bool = False
 
 
 class MatchOutcome(Struct, frozen=True):
@@ -113,8 +119,12 @@ def require_packages() -> None:
         raise UsageError(message) from error
 
 
-def match_photos(state: ProjectState, request: MatchRequest) -> Change[MatchOutcome]:
+def match_photos(
+    state: ProjectState, request: MatchRequest, foretell: Callable[[Forecast], None] = lambda _: None
+) -> Change[MatchOutcome]:
     """Return the tie points of a project's photos, to be written into a measurement file.
+
+    `foretell` is given how long it will take and how much memory, once the first photos and pairs say so.
 
     Raises
     ------
@@ -133,9 +143,10 @@ def match_photos(state: ProjectState, request: MatchRequest) -> Change[MatchOutc
     photos, frames = _photos_with_frames(state)
     cache = MatchingCache(state.project.folder, f"{DETAIL} {request.settings.features}")
     given, warnings = _pictures(state, photos, frames, request.images)
+    pace = Pace(_work(state, photos, given, request), foretell)
     features = []
     pictures = []
-    for picture, (of_picture, fault) in zip(given, features_of(given, request.settings, cache), strict=True):
+    for picture, (of_picture, fault) in zip(given, features_of(given, request.settings, cache, pace), strict=True):
         if of_picture is None:
             warnings.append(_not_used(picture.name, fault))
         else:
@@ -144,7 +155,7 @@ def match_photos(state: ProjectState, request: MatchRequest) -> Change[MatchOutc
     _require_two(state, request, len(pictures), warnings)
     settings = _with_places(state, [photos[record_key(picture.name)] for picture in pictures], request.settings)
     settings = replace(settings, cameras=_cameras(state, [photos[record_key(p.name)] for p in pictures]))
-    found = find_tie_points(pictures, features, settings, cache)
+    found = find_tie_points(pictures, features, settings, cache, pace)
     names = tuple(picture.name for picture in pictures)
     warnings += _weaknesses(names, found)
     if not len(found.tracks):
@@ -228,6 +239,14 @@ def _pictures(
         seen[digest] = name
         pictures.append(Picture(name, digest, size, frames[record_key(name)].focal, partial(read_eight_bits, path)))
     return pictures, warnings
+
+
+def _work(state: ProjectState, photos: Mapping[str, Photo], pictures: Sequence[Picture], request: MatchRequest) -> Work:
+    """Return what is to be done with pictures."""
+    settings = _with_places(state, [photos[record_key(picture.name)] for picture in pictures], request.settings)
+    pairs = expected_pairs(len(pictures), settings.places, settings.neighbours)
+    megapixels = sum(picture.size[0] * picture.size[1] for picture in pictures) / 1e6 / max(len(pictures), 1)
+    return Work(len(pictures), megapixels, pairs, settings.points, available_threads(), request.adjusts)
 
 
 def _not_used(photo: str, fault: str) -> ProjectWarning:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,6 +12,7 @@ from orip.cli.options import BundleOption, ForceOption, Invocation, command
 from orip.cli.terminal import Terminal, warning_rows
 
 if TYPE_CHECKING:
+    from orip.pictures.forecast import Forecast
     from orip.pictures.match import MatchOutcome
 
 
@@ -52,8 +54,15 @@ def register(app: typer.Typer) -> None:
             state.project.bundle_name(bundle), images, TieSettings(points, refines=not features), replaces=force
         )
         with limited_threads(invocation.terminal.threads):
-            change = match_photos(state, request)
+            change = match_photos(state, request, foreteller(invocation.terminal))
         tell(invocation.terminal, commit(change).outcome)
+
+
+def foreteller(terminal: Terminal) -> Callable[[Forecast], None]:
+    """Return what prints forecasts."""
+    from orip.pictures.forecast import words
+
+    return lambda forecast: terminal.say(f"forecast {words(forecast)}")
 
 
 def tell(terminal: Terminal, outcome: MatchOutcome) -> None:

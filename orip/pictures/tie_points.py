@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import islice
+from time import perf_counter
 from typing import TypeVar
 
 import numpy as np
@@ -14,6 +15,7 @@ from orip.errors import InputError
 from orip.images.images_of_photos import reason
 from orip.images.matching.least_squares import Fate, MatchSettings, Windows, match_rays
 from orip.pictures.consistency import examine_rays
+from orip.pictures.forecast import Pace
 from orip.pictures.matching.features import Features, find_features, match_features
 from orip.pictures.matching.pairs import View, neighbouring_pairs, promising_pairs, verified_matches
 from orip.pictures.matching.tracks import Tracks, join_tracks, select_tracks
@@ -137,7 +139,11 @@ _FEATURE_ERROR = 0.15
 
 
 def find_tie_points(
-    pictures: Sequence[Picture], features: Sequence[Features], settings: TieSettings, cache: MatchingCache
+    pictures: Sequence[Picture],
+    features: Sequence[Features],
+    settings: TieSettings,
+    cache: MatchingCache,
+    pace: Pace,
 ) -> TiePoints:
     """Return tie points of photos.
 
@@ -150,8 +156,10 @@ def find_tie_points(
         Of `features_of`.
     settings : TieSettings
     cache : MatchingCache
+    pace : Pace
+        Is told how long pairs take.
     """
-    compared, matches = _matches(pictures, features, settings, cache)
+    compared, matches = _matches(pictures, features, settings, cache, pace)
     tracks, contradictory = join_tracks(features, matches)
     counts = tuple(len(photo) for photo in features)
     if not len(tracks):
@@ -189,26 +197,32 @@ def find_tie_points(
 
 
 def features_of(
-    pictures: Sequence[Picture], settings: TieSettings, cache: MatchingCache
+    pictures: Sequence[Picture], settings: TieSettings, cache: MatchingCache, pace: Pace
 ) -> list[tuple[Features | None, str]]:
-    """Return the features of each photo; or None, and what is wrong with the image."""
+    """Return the features of each photo; or None, and what is wrong with the image; `pace` is told how long it took."""
 
     def find(picture: Picture) -> tuple[Features | None, str]:
         known = cache.features(picture.digest)
         if known is None:
+            begin = perf_counter()
             try:
                 grey = picture.read()
             except InputError as error:
                 return None, reason(error)
             known = find_features(grey, picture.size, settings.features)
             cache.keep_features(picture.digest, known)
+            pace.photo(perf_counter() - begin)
         return known, ""
 
-    return list(_in_turn("features", find, pictures))
+    return list(_in_turn("features", find, pictures, pace.judge))
 
 
 def _matches(
-    pictures: Sequence[Picture], features: Sequence[Features], settings: TieSettings, cache: MatchingCache
+    pictures: Sequence[Picture],
+    features: Sequence[Features],
+    settings: TieSettings,
+    cache: MatchingCache,
+    pace: Pace,
 ) -> tuple[int, dict[tuple[int, int], NDArray[np.intp]]]:
     """Return how many pairs were compared, and the matches of those that have some."""
     from orip.pictures.matching.features import DETAIL
@@ -217,6 +231,7 @@ def _matches(
         pairs = promising_pairs(features)
     else:
         pairs = neighbouring_pairs(settings.places, settings.neighbours)
+    pace.expect(len(pairs))
     views = [View(*picture.size, picture.focal, max(1.0, max(picture.size) / DETAIL)) for picture in pictures]
     partners: dict[int, list[int]] = {}
     for one, other in pairs:
@@ -227,20 +242,24 @@ def _matches(
         keys = [f"{pictures[other].digest} {views[one].focal:.6g} {views[other].focal:.6g}" for other in partners[one]]
         missing = [(key, other) for key, other in zip(keys, partners[one], strict=True) if key not in known]
         for key, other in missing:
+            begin = perf_counter()
             found = match_features(features[one], features[other])
             known[key] = verified_matches(features[one], features[other], found, (views[one], views[other]))
+            pace.pair(perf_counter() - begin)
         if missing:
             cache.keep_matches(pictures[one].digest, known)
         return [known[key] for key in keys]
 
     found = {}
-    for one, of_one in zip(partners, _in_turn("pairs", match, list(partners)), strict=True):
+    for one, of_one in zip(partners, _in_turn("pairs", match, list(partners), pace.judge), strict=True):
         found.update({(one, other): pairs for other, pairs in zip(partners[one], of_one, strict=True) if len(pairs)})
     return len(pairs), found
 
 
-def _in_turn(what: str, task: Callable[[PartT], T], parts: Sequence[PartT]) -> Iterator[T]:
-    """Yield what a task returns of each part: as many at once as there are threads."""
+def _in_turn(
+    what: str, task: Callable[[PartT], T], parts: Sequence[PartT], after: Callable[[], None] = lambda: None
+) -> Iterator[T]:
+    """Yield what a task returns of each part: as many at once as there are threads; `after` is called after these."""
     left = iter(parts)
     done = 0
     with stage(what, len(parts)) as advance:
@@ -248,6 +267,7 @@ def _in_turn(what: str, task: Callable[[PartT], T], parts: Sequence[PartT]) -> I
             yield from by_threads(task, some, 1)
             done += len(some)
             advance(done)
+            after()
 
 
 def _refined(

@@ -165,6 +165,11 @@ class Camera(Struct, frozen=True):
         Projection, Field(example='"equidistant"', key_after="same_lens_as", column_after="distortion_at")
     ] = "perspective"
 
+    @property
+    def is_rolling(self) -> bool:
+        """Return whether it has a readout time that is not zero, or unknown."""
+        return self.parameters[READOUT] != 0.0 or "READOUT" in self.unknown
+
 
 def without_radial_distortion(camera: Camera) -> Camera:
     """Return the camera without the radial terms of its polynomial."""

@@ -40,6 +40,24 @@ IN_PROJECT = StationReference()
 """Coordinates of the project, omega, phi and kappa."""
 
 
+class StationMotion(Struct, frozen=True):
+    """How a station moved while the photo was exposed, along and about the axes of the project.
+
+    Parameters
+    ----------
+    velocity, velocity_error : tuples of 3 float
+        Of what its position is of, ground unit a second, and standard deviations, 0 constant; NaN throughout where it
+        is not known.
+    rate, rate_error : tuples of 3 float
+        Angular rate, radians a second, and standard deviations, as of the velocity.
+    """
+
+    velocity: tuple[float, float, float] = NOT_GIVEN
+    velocity_error: tuple[float, float, float] = NOT_GIVEN
+    rate: tuple[float, float, float] = NOT_GIVEN
+    rate_error: tuple[float, float, float] = NOT_GIVEN
+
+
 class Station(Struct, frozen=True):
     """The exposure station of a photo.
 
@@ -63,6 +81,8 @@ class Station(Struct, frozen=True):
         Of the exposure, seconds; NaN where it is not known.
     strip : str
         Empty where it is not known.
+    motion : StationMotion or None
+        None: nothing is known of it.
     line : int
         Line of the file.
     """
@@ -75,6 +95,7 @@ class Station(Struct, frozen=True):
     covariance: tuple[tuple[float, ...], ...] | None = None
     time: float = math.nan
     strip: str = ""
+    motion: StationMotion | None = None
     line: int = 0
 
     @property
@@ -165,6 +186,8 @@ class ErrorLimits(Struct, frozen=True):
 GROUND_ERRORS = ErrorLimits(1e-7, 1e6, "ground units")
 ANGLE_ERRORS = ErrorLimits(1e-8, 360.0, "degrees")
 PHOTO_ERRORS = ErrorLimits(1e-6, 1e3, "mm")
+SPEED_ERRORS = ErrorLimits(1e-6, 1e4, "ground units a second")
+RATE_ERRORS = ErrorLimits(1e-6, 1e4, "degrees a second")
 TIME_ERRORS = ErrorLimits(1e-9, 10.0, "seconds")
 PIXEL_ERRORS = ErrorLimits(1e-4, 1e5, "px")
 COEFFICIENT_ERRORS = ErrorLimits(1e-30, 1e3, "of the coefficient's unit")

@@ -68,8 +68,8 @@ class GnssSettings(EventSettings, frozen=True, kw_only=True):
     base_place: Annotated[
         Vector | None, Field(units=_METRES, example="[-3978242.4348, 3382841.1715, 3649902.7667]")
     ] = None
-    rover_height: Annotated[float | None, Field(units=_METRES, example="0.0")] = None
-    base_height: Annotated[float | None, Field(units=_METRES, example="1.52")] = None
+    rover_height: Annotated[float | None, Field(least=-100, most=100, units=_METRES, example="0.0")] = None
+    base_height: Annotated[float | None, Field(least=-100, most=100, units=_METRES, example="1.52")] = None
     elevation: Annotated[float, Field(least=0, most=60, units=_DEGREES, example="15.0")] = 15.0
     systems: Annotated[str, Field(shortest=1, longest=5, example='"GREJC"')] = "GREJC"
     frequencies: Annotated[int, Field(least=1, most=3, example="2")] = 2
@@ -140,10 +140,18 @@ class ImuSettings(EventSettings, frozen=True, kw_only=True):
     columns: Annotated[tuple[str, ...], Field(example='["time", "fx", "fy", "fz", "wx", "wy", "wz"]')] = ()
     force_unit: Annotated[ForceUnit, Field(example='"m/s2"')] = "m/s2"
     rate_unit: Annotated[RateUnit, Field(example='"rad/s"')] = "rad/s"
-    mount: Annotated[Vector, Field(units=_DEGREES, example="[180.0, 0.0, -90.0]")] = (0.0, 0.0, 0.0)
+    mount: Annotated[Vector, Field(least=-360, most=360, units=_DEGREES, example="[180.0, 0.0, -90.0]")] = (
+        0.0,
+        0.0,
+        0.0,
+    )
     time: Annotated[TimeSystem, Field(example='"gps"')] = "fitting"
     shift: Annotated[float, Field(units=_SECONDS, example="0.0")] = 0.0
-    lever_arm: Annotated[Vector, Field(units=_METRES, example="[0.12, 0.0, -0.35]")] = (0.0, 0.0, 0.0)
+    lever_arm: Annotated[Vector, Field(least=-50, most=50, units=_METRES, example="[0.12, 0.0, -0.35]")] = (
+        0.0,
+        0.0,
+        0.0,
+    )
     grade: Annotated[UnitGrade, Field(example='"tactical"')] = "mems"
     noise: Annotated[
         tuple[float, float, float, float, float, float] | None,

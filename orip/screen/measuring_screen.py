@@ -65,6 +65,9 @@ class MeasuringSession(Protocol):
     def control(self) -> list[str]:
         """Return the names of the points with control."""
 
+    def residuals(self, most: int, photo: str = "") -> list[dict[str, Any]]:
+        """Return what fits least, in a photo or in all of them: `photo`, `point`, `w` and `limit`."""
+
     def views(self, point: str) -> tuple[list[Any], list[float | None] | None]:
         """Return where the photos show a point, and its coordinates less those that control gives."""
 
@@ -112,7 +115,7 @@ class MeasuringScreen:
             "views": self._views,
             "propose": self._propose,
             "ray": self._ray,
-            "misfits": lambda _: self._misfits(),
+            "misfits": self._misfits,
             "next": lambda _: self._next(),
         }
         self._looked_at, self._serial = 0.0, -1
@@ -262,17 +265,13 @@ class MeasuringScreen:
             }
         }
 
-    def _misfits(self) -> Document:
-        """Return what is suspect, then what fits least."""
-        suspects = self._reply({"do": "show", "what": "suspects"}).get("suspects", [])
-        residuals = self._reply({"do": "show", "what": "residuals"}).get("residuals", [])
-        return {
-            "suspects": suspects,
-            "residuals": [
-                {"photo": one["photo"], "point": one["point"], "w": one["w"], "limit": one["limit"]}
-                for one in residuals[:_MOST_MISFITS]
-            ],
-        }
+    def _misfits(self, asked: Document) -> Document:
+        """Return what is suspect and what fits least; or of a photo, which takes less time, what fits least in it."""
+        photo = self._plate(asked).photo if "photo" in asked else ""
+        suspects = [] if photo else self._reply({"do": "show", "what": "suspects"}).get("suspects", [])
+        residuals = self._session.residuals(_MOST_MISFITS, photo)
+        keys = ("photo", "point", "w", "limit")
+        return {"suspects": suspects, "residuals": [{key: one[key] for key in keys} for one in residuals]}
 
     def _next(self) -> Document:
         todo = self._reply({"do": "show", "what": "todo"}).get("todo", [])

@@ -13,11 +13,12 @@ from orip.errors import Complaint, InputError, ProjectWarning
 from orip.geometry.rotation import rotation_from_angles, rotation_from_navigation
 from orip.records.epochs import Epochs, Quality
 from orip.records.names import record_key
+from orip.stations.in_project import Exposures
 from orip.stations.interpolation import (
-    Exposures,
     Interpolated,
     in_seconds_of_week,
     interpolate,
+    motions_at,
     moved,
     time_complaints,
     without_contradicting_velocities,
@@ -123,6 +124,7 @@ def find_exposures(sources: Sources, matching: Matching) -> tuple[Exposures, tup
         time=events.time[row[kept]],
         is_used=tuple(used[index] for index in kept),
         strip=tuple(events.strip[index] for index in row[kept]),
+        motions=None if found.motions is None else found.motions.of(kept),
     )
     return (_with_strips(exposures) if matching.finds_strips else exposures), tuple(warnings)
 
@@ -306,7 +308,12 @@ def _interpolated_places(
     last = len(trajectory) - 1
     pairs = [(trajectory.quality[one], trajectory.quality[min(one + 1, last)]) for one in found.before.tolist()]
     quality: list[Quality] = [min(pair, key=_ORDER.index) for pair in pairs]
-    return replace(found, place=place), quality, missing, [*said, *_first(warnings)]
+    return (
+        replace(found, place=place, motions=motions_at(trajectory, time)),
+        quality,
+        missing,
+        [*said, *_first(warnings)],
+    )
 
 
 def _day_hint(trajectory: FloatArray, time: float) -> str:

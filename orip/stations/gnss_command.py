@@ -36,11 +36,16 @@ class BaseOptions(NamedTuple):
         ),
     ] = None
     base_height: Annotated[
-        float | None, typer.Option("--base-height", metavar="METRES", help="Antenna above the mark; else the header's.")
+        float | None,
+        typer.Option(
+            "--base-height", metavar="METRES", min=-100.0, max=100.0, help="Antenna above mark; else header's."
+        ),
     ] = None
     rover_height: Annotated[
         float | None,
-        typer.Option("--rover-height", metavar="METRES", help="Antenna above the mark; else the header's."),
+        typer.Option(
+            "--rover-height", metavar="METRES", min=-100.0, max=100.0, help="Antenna above mark; else header's."
+        ),
     ] = None
 
 
@@ -134,12 +139,13 @@ def _way(word: str) -> Way:
 def place_of(text: str | None, option: str = "--base") -> tuple[float, float, float] | None:
     """Return geocentric coordinates; raises UsageError for what are none."""
     from orip.files.text.decimal_numbers import is_number, parse_number
+    from orip.stations.gnss.processing import is_on_earth
 
     if text is None:
         return None
     parts = text.split(",")
     numbers = [parse_number(part) if is_number(part) else np.nan for part in parts]
-    if len(numbers) != 3 or not 6.2e6 < float(np.linalg.norm(numbers)) < 6.5e6:
+    if len(numbers) != 3 or not is_on_earth(numbers):
         message = (
             f"{option} {text}: write geocentric X, Y and Z in metres, such as -3978242.4348,3382841.1715,3649902.7667"
         )
@@ -199,6 +205,10 @@ def _lines(result: GnssResult) -> Iterator[tuple[str, str]]:
         "gnss",
         f"{name} from {base}, {result.rover.span} (GPS time), {_WAY_TEXTS[result.settings.way]}; RTKLIB ({engine})",
     )
+    x, y, z = result.settings.base
+    is_of_header = np.array_equal(result.base.place, (x, y, z))
+    whose = ", as in its header (else --base)" if is_of_header else ""
+    yield "base", f"X {x:.4f}, Y {y:.4f}, Z {z:.4f} m{whose}"
     fixed = int(np.count_nonzero(solution.is_fixed))
     floating = int(np.count_nonzero(solution.quality == 2))
     kinds = f"{fixed} fixed, {floating} float, {len(solution) - fixed - floating} from code alone"
@@ -284,7 +294,7 @@ def _document(result: GnssResult, target: Path, *, dry_run: bool) -> dict[str, o
 
 def _add_point(invocation: Invocation, result: GnssResult, name: str, *, dry_run: bool) -> str:
     """Write a place into the control points of the project; return the name of their file."""
-    from orip.stations.interpolation import Exposures, stations_in_project
+    from orip.stations.in_project import Exposures, stations_in_project
     from orip.workflow.observations.control import add_control
     from orip.workflow.project.commit import carry_out
     from orip.workflow.records.commands import read_records

@@ -22,7 +22,7 @@ from orip.records.epochs import Epochs, epochs
 from orip.records.names import record_key
 from orip.stations.exposures import Matching, Sources, find_exposures
 from orip.stations.gnss.receiver_data import is_receiver_file, read_events
-from orip.stations.interpolation import stations_in_project
+from orip.stations.in_project import Exposures, stations_in_project
 from orip.stations.receiver_files import read_dji_mrk, read_rtklib_pos, read_sbet
 from orip.stations.table import read_station_table
 from orip.structs import replace
@@ -172,13 +172,23 @@ def import_stations(
     if not exposures.photo:
         raise InputError([Complaint("no photo has an event", files.source.name), *_as_complaints(warnings)])
     stations, more = stations_in_project(
-        exposures,
+        with_wanted_motions(exposures, project),
         project.definition.crs,
         project.definition.ground_unit,
         settings.position_error,
         settings.angle_error * RADIANS_PER_DEGREE,
     )
     return written_stations(state, stations, (*warnings, *more), settings, dry_run=dry_run)
+
+
+def has_rolling_shutter(project: ProjectFolder) -> bool:
+    """Return whether a camera of the project is read row by row: motions of its stations are wanted."""
+    return any(camera.is_rolling for camera in project.definition.cameras)
+
+
+def with_wanted_motions(exposures: Exposures, project: ProjectFolder) -> Exposures:
+    """Return exposures with motions where a camera of the project is read row by row, else without."""
+    return exposures if has_rolling_shutter(project) else replace(exposures, motions=None)
 
 
 def written_stations(

@@ -16,7 +16,8 @@ from orip.files.text.shown import Parsed
 from orip.geometry.ground_ellipsoid import geographic_from_geocentric, place_axes
 from orip.records.control import ControlPoint
 from orip.stations.gnss.network_processing import NetworkResult
-from orip.stations.interpolation import WGS84, project_frame
+from orip.stations.in_project import project_frame
+from orip.stations.interpolation import WGS84
 from orip.units import METRES_PER_GROUND_UNIT
 from orip.workflow.project.commit import Change
 from orip.workflow.project.outputs import EditedText, digest_of_text

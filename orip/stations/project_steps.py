@@ -13,17 +13,27 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from msgspec import Struct
 
-from orip.errors import Complaint, InputError
+from orip.errors import Complaint, InputError, ProjectWarning
+from orip.files.control.stations_text import read_stations
 from orip.files.stores.digest import record_digest
 from orip.files.text.atomic import write_output
 from orip.files.text.lines import read_lines
 from orip.files.text.regular_file import file_digest
 from orip.files.text.shown import Parsed
 from orip.records.epochs import Epochs
+from orip.records.names import record_key
 from orip.records.receivers import EventSettings, GnssSettings, ImuSettings, NetworkSettings
 from orip.stations.exposures import Matching
-from orip.stations.imported import ImportedStations, ImportFiles, ImportSettings, import_stations, read_epochs
+from orip.stations.imported import (
+    ImportedStations,
+    ImportFiles,
+    ImportSettings,
+    has_rolling_shutter,
+    import_stations,
+    read_epochs,
+)
 from orip.structs import replace
+from orip.wording import agreeing, first_names
 from orip.workflow.project.commit import Change, commit
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.run_id import Step
@@ -37,10 +47,11 @@ _MARK = "orip run, from"
 
 
 class Processed(NamedTuple):
-    """A step that was done: its label, and what is said of it."""
+    """A step that was done: its label, what is said of it, and what is doubtful."""
 
     label: str
     text: str
+    warnings: tuple[ProjectWarning, ...]
 
 
 class _Task(Struct, frozen=True):
@@ -50,6 +61,7 @@ class _Task(Struct, frozen=True):
     files: tuple[Path, ...]
     settings: GnssSettings | ImuSettings | NetworkSettings
     output: Path
+    wants_motions: bool = False
 
 
 def station_steps(state: ProjectState) -> Iterator[Step]:
@@ -109,10 +121,11 @@ def _tasks(project: ProjectFolder) -> Iterator[_Task]:
         return
     events = [project.folder / name for name in (last.events, last.photo_times) if name]
     if imu is None:
-        yield _Task("orip stations import", (solution, *events), last, stations)
+        yield _Task("orip stations import", (solution, *events), last, stations, has_rolling_shutter(project))
         return
     positions = project.folder / imu.positions if imu.positions else solution
-    yield _Task("orip imu", (project.folder / imu.samples, positions, *events), imu, stations)
+    samples = project.folder / imu.samples
+    yield _Task("orip imu", (samples, positions, *events), imu, stations, has_rolling_shutter(project))
 
 
 def _digest(task: _Task) -> str:
@@ -123,7 +136,8 @@ def _digest(task: _Task) -> str:
             parts.append((path.name, *sorted(entry.name for entry in path.iterdir())))
         else:
             parts.append((path.name, file_digest(path) if path.is_file() else ""))
-    return record_digest((tuple(parts), task.settings, task.command))
+    wanted = ("motions",) if task.wants_motions else ()
+    return record_digest((tuple(parts), task.settings, task.command, *wanted))
 
 
 def _made_from(path: Path) -> str | None:
@@ -149,7 +163,8 @@ def _positions(project: ProjectFolder, task: _Task, settings: GnssSettings) -> P
     write_output(task.output, f"{result.text}% {_MARK} {_digest(task)}\n")
     solution = result.joined.solution
     fixed = int(solution.is_fixed.sum())
-    return Processed("gnss", f"{len(solution)} positions, {fixed} fixed, in {project.shown(task.output)}")
+    text = f"{len(solution)} positions, {fixed} fixed, in {project.shown(task.output)}"
+    return Processed("gnss", text, result.warnings)
 
 
 def _marks(state: ProjectState, task: _Task, settings: NetworkSettings) -> Processed:
@@ -168,16 +183,32 @@ def _marks(state: ProjectState, task: _Task, settings: NetworkSettings) -> Proce
     # marks that stand there without having been computed are somebody's
     replaces = task.output.exists() and _made_from(task.output) is not None
     outcome = commit(_with_digest(network_points(state, result=result, replaces=replaces), task)).outcome
-    baselines = len(result.pairs)
-    return Processed("network", f"{len(result.names)} marks by {baselines} baselines in {', '.join(outcome.files)}")
+    text = f"{len(result.names)} marks by {len(result.pairs)} baselines in {', '.join(outcome.files)}"
+    return Processed("network", text, (*result.warnings, *outcome.warnings))
 
 
 def _stations(state: ProjectState, task: _Task, settings: GnssSettings | ImuSettings) -> Processed:
     """Write stations, and with an inertial unit the differences between them."""
-    change = _smoothed(state, task, settings) if isinstance(settings, ImuSettings) else _imported(state, settings)
+    if isinstance(settings, ImuSettings):
+        change, warnings = _smoothed(state, task, settings)
+        relative = ", with the differences between them"
+    else:
+        change, warnings, relative = _imported(state, settings), (), ""
     outcome = commit(_with_digest(change, task)).outcome
-    relative = ", with the differences between them" if isinstance(settings, ImuSettings) else ""
-    return Processed("stations", f"{len(outcome.stations)} in {outcome.shown}{relative}")
+    text = f"{len(outcome.stations)} in {outcome.shown}{relative}"
+    return Processed("stations", text, (*warnings, *outcome.warnings, *_left_over(task.output, outcome)))
+
+
+def _left_over(path: Path, outcome: ImportedStations) -> Iterator[ProjectWarning]:
+    """Say which stations of the file were not computed now."""
+    computed = {record_key(station.photo) for station in outcome.stations}
+    names = [station.photo for station in read_stations(path, outcome.shown).value]
+    others = [name for name in names if record_key(name) not in computed]
+    if others:
+        have = agreeing(len(others), "has a station", "have stations")
+        remedy = f"take out what is wrong now: orip control stations kill {others[0]}"
+        text = f"{first_names(others, 3)} {have} from an earlier run or from elsewhere; {remedy}"
+        yield ProjectWarning("station-left", outcome.shown, text)
 
 
 def _with_digest(change: Change[T], task: _Task) -> Change[T]:
@@ -200,12 +231,18 @@ def _imported(state: ProjectState, settings: EventSettings) -> Change[ImportedSt
     return import_stations(state, files, _import_settings(settings))
 
 
-def _smoothed(state: ProjectState, task: _Task, settings: ImuSettings) -> Change[ImportedStations]:
+def _smoothed(
+    state: ProjectState, task: _Task, settings: ImuSettings
+) -> tuple[Change[ImportedStations], tuple[ProjectWarning, ...]]:
+    """Return stations and differences, and what is doubtful of the trajectory."""
     from orip.stations.inertial.files import COLUMNS, ImuForm
     from orip.stations.inertial.processing import NOISES, ImuFiles, process_imu
     from orip.stations.inertial.samples import ImuNoise
     from orip.stations.smoothed import import_smoothed
 
+    if not settings.positions and state.project.definition.gnss is None:
+        message = '[imu] needs positions: name a solution of RTKLIB, positions = "flight.pos", or write [gnss] too'
+        raise InputError([Complaint(message, state.project.shown(state.project.text))])
     names = settings.columns
     if names and (set(names) - {*COLUMNS, "-"} or any(names.count(name) != 1 for name in COLUMNS)):
         message = f"columns of [imu] name each of {', '.join(COLUMNS)} once, and '-' what is not used"
@@ -220,7 +257,9 @@ def _smoothed(state: ProjectState, task: _Task, settings: ImuSettings) -> Change
         events=times[0],
     )  # fmt: skip
     photo_times = times[1] if len(times) > 1 else None
-    return import_smoothed(state, process_imu(files), times[0], photo_times, _import_settings(settings), dry_run=False)
+    result = process_imu(files)
+    change = import_smoothed(state, result, times[0], photo_times, _import_settings(settings), dry_run=False)
+    return change, result.warnings
 
 
 def _import_settings(settings: EventSettings) -> ImportSettings:

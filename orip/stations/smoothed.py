@@ -17,11 +17,11 @@ from orip.records.control import Station, StationDifference
 from orip.records.epochs import Epochs, epochs
 from orip.records.names import record_key
 from orip.stations.exposures import Sources, find_exposures
-from orip.stations.imported import ImportedStations, ImportSettings, known_photos, written_stations
+from orip.stations.imported import ImportedStations, ImportSettings, known_photos, with_wanted_motions, written_stations
+from orip.stations.in_project import Exposures, stations_in_project
 from orip.stations.inertial.dense import ImuResult
 from orip.stations.inertial.differences import independent_poses
 from orip.stations.inertial.processing import event_times
-from orip.stations.interpolation import Exposures, stations_in_project
 from orip.structs import replace
 from orip.units import METRES_PER_GROUND_UNIT
 from orip.workflow.project.commit import Change
@@ -61,7 +61,7 @@ def import_smoothed(
         raise InputError([Complaint(text, events.shown)])
     poses = independent_poses(result.trajectory, states.tolist())
     to_place = place_axes(exposures.place) @ result.axes.T
-    exposures = replace(exposures, joint=_turned(poses.station, to_place, to_place))
+    exposures = replace(with_wanted_motions(exposures, project), joint=_turned(poses.station, to_place, to_place))
     definition = project.definition
     stations, more = stations_in_project(exposures, definition.crs, definition.ground_unit, (1.0, 1.0, 1.0), 1.0)
     of_differences = _turned(poses.difference, to_place[:-1], to_place[:-1])
@@ -91,6 +91,7 @@ def _in_order(exposures: Exposures, order: np.ndarray) -> Exposures:
         time=exposures.time[order],
         is_used=tuple(exposures.is_used[row] for row in order),
         strip=tuple(exposures.strip[row] for row in order),
+        motions=None if exposures.motions is None else exposures.motions.of(order),
     )
 
 

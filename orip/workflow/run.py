@@ -10,6 +10,7 @@ from msgspec import Struct
 
 from orip.annexes import DRIVE_STEPS, STATION_STEPS, annex
 from orip.bundle.methods import Method
+from orip.errors import ProjectWarning
 from orip.solving.solve import PLAIN, SolveWatcher
 from orip.workflow.adjust.gates import project_gates
 from orip.workflow.adjust.solve import ADJUSTED_FROM, SolveOutcome, solve
@@ -63,7 +64,7 @@ class RunWatcher(Struct, frozen=True):
     solving: SolveWatcher
     solved: Callable[[Committed[SolveOutcome]], None]
     driven: Callable[[Any], None]
-    processed: Callable[[str, str], None]
+    processed: Callable[[str, str, tuple[ProjectWarning, ...]], None]
 
 
 def run(
@@ -107,7 +108,7 @@ def _with_stations(state: ProjectState, watcher: RunWatcher) -> ProjectState:
     if not state.project.definition.has_receivers:
         return state
     is_changed = False
-    for label, text in annex(STATION_STEPS).process_stations(state):
-        watcher.processed(label, text)
+    for label, text, warnings in annex(STATION_STEPS).process_stations(state):
+        watcher.processed(label, text, warnings)
         is_changed = True
     return read_checked_project(state.project.folder, *state.parts) if is_changed else state

@@ -27,8 +27,8 @@ _OPTIONS = (
 
 
 @contextmanager
-def chromium(profile: Path, options: str, *logs: str) -> Iterator[Any]:
-    """Open a browser with a profile folder, more options and the logs that are wanted, and close it again."""
+def chromium(profile: Path, options: str, *logs: str, trace: str = "") -> Iterator[Any]:
+    """Open a browser with a profile folder, more options, the logs and the parts of the trace that are wanted."""
     wanted = webdriver.ChromeOptions()
     wanted.binary_location = CHROMIUM
     for word in [*_OPTIONS.split(), *options.split(), f"--user-data-dir={profile}"]:
@@ -36,6 +36,8 @@ def chromium(profile: Path, options: str, *logs: str) -> Iterator[Any]:
     if os.geteuid() == 0:
         wanted.add_argument("--no-sandbox")  # Chromium's own sandbox does not start for root
     wanted.set_capability("goog:loggingPrefs", dict.fromkeys(logs, "ALL"))
+    if trace:
+        wanted.add_experimental_option("perfLoggingPrefs", {"traceCategories": trace})
     driver = webdriver.Chrome(options=wanted, service=webdriver.ChromeService(DRIVER))
     try:
         yield driver

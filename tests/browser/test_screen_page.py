@@ -125,6 +125,13 @@ def test_a_misfit_is_found_and_measured_again_by_keys_alone(page: Page, rendered
     page.wait(lambda: "left out by your decision" in page.text("answer"))
     page.keys("i")
     page.wait(lambda: "fits" in page.text("answer"))
+    page.browser.find_element("id", "misfits").click()
+    page.wait(lambda: "T6 in P1: w" in page.text("wrong"))
+    page.js("plate.focus()")
+    page.keys("x")
+    page.wait(lambda: "T6 in P1" not in page.text("wrong") and "T6 in P2: w" in page.text("wrong"))
+    page.keys("i")
+    page.wait(lambda: "T6 in P1: w" in page.text("wrong"))
     assert not page.errors()
 
 

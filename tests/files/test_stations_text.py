@@ -10,9 +10,10 @@ import pytest
 
 from orip.files.control.stations_text import read_stations, stations_text
 from orip.files.text.shown import Parsed
-from orip.records.control import Station
+from orip.records.control import NOT_GIVEN, Station, StationMotion
 
 POSITION = "P1 10 20 30 0.02 -0.03 0"
+UP_TO_MOTION = "P1 1 2 3 1 1 1 " + "- " * 23
 
 
 def parse(folder: Path, text: str) -> Parsed[tuple[Station, ...]]:
@@ -50,7 +51,7 @@ def test_a_file_that_is_absent_has_no_stations(tmp_path: Path) -> None:
     [
         ("P1 10 20 30 1 1", "Z:1:17: ", "a field is missing, 6 found; the line is: photo X Y Z aX aY aZ, then OMEGA"),
         ("P1 1 2 3 1 1 1 5", "Z:1:18: ", "a field is missing, 8 found"),
-        ("P1 1 2 3 1 1 1 " + "- " * 24, "Z:1:", "is one field too many"),
+        ("P1 1 2 3 1 1 1 " + "- " * 36, "Z:1:", "is one field too many"),
         ("photo X Y Z aX aY aZ", "Z:1: ", "this line has no numbers"),
         ("P1 1 2 - 1 1 1", "Z:1:8: ", "'-' for a part of the position; give X, Y and Z and their errors"),
         ("P1 1 2 3 1 - 1", "Z:1:12: ", "'-' for a part of the position"),
@@ -62,6 +63,9 @@ def test_a_file_that_is_absent_has_no_stations(tmp_path: Path) -> None:
         ("P1 1 2 3 1 1 1 - - - - - - noon", "Z:1:28: ", "'noon' is not a number"),
         ("P1 1 2 3 1 1 1 - - - - - - 1 S 0.9 0.9 -0.9", "Z:1:32: ", "that no three errors can have"),
         ("P1 1 2 3 1 1 0 - - - - - - 1 S 0.1 0.1 0.1", "Z:1:32: ", "need errors of X, Y and Z that are not 0"),
+        (UP_TO_MOTION + "1 2 3 1 1 -1", "Z:1:72: ", "an error of a motion is 0 or above"),
+        (UP_TO_MOTION + "1 2 - 1 1 1", "Z:1:66: ", "'-' for a part of the velocity; give VX, VY and VZ"),
+        (UP_TO_MOTION + "- - - - - - 1 2 3 1 1 99999", "Z:1:84: ", "write one from 1e-06 to 10000 degrees a second"),
     ],
 )
 def test_faulty_lines(tmp_path: Path, line: str, place: str, words: str) -> None:
@@ -92,3 +96,22 @@ def test_position_and_angles_may_be_correlated(tmp_path: Path) -> None:
     # errors are written with four and six decimals
     found = np.array(parsed.value[0].covariance) / np.outer(error, error)
     np.testing.assert_allclose(found, covariance / np.outer(error, error), atol=5e-3)
+
+
+def test_motions_are_read_as_they_are_written(tmp_path: Path) -> None:
+    rate, error = np.radians([[5.0, -0.25, 10.0], [0.1, 0.1, 0.2]]).tolist()
+    both = StationMotion((8.0, -2.5, 0.125), (0.03, 0.03, 0.0), tuple(rate), tuple(error))
+    alone = StationMotion(rate=both.rate, rate_error=both.rate_error)
+    position, errors = (1.0, 2.0, 3.0), (0.5, 0.5, 0.5)
+    diagonal = tuple(tuple(0.25 if row == column else 0.125 for column in range(3)) for row in range(3))
+    given = [
+        Station("P1", position, errors, covariance=diagonal, time=7.0, strip="S", motion=both),
+        Station("P2", position, errors, motion=alone),
+        Station("P3", NOT_GIVEN, NOT_GIVEN, motion=StationMotion(both.velocity, both.velocity_error)),
+    ]
+    parsed = parse(tmp_path, stations_text(given))
+    assert not parsed.complaints
+    for written, read in zip(given, parsed.value, strict=True):
+        assert (read.covariance is None) == (written.covariance is None)
+        for name in StationMotion.__struct_fields__:
+            np.testing.assert_allclose(getattr(read.motion, name), getattr(written.motion, name), rtol=1e-12)

@@ -69,6 +69,7 @@ from orip.records.control import (
     PointCorrelation,
     Station,
     StationDifference,
+    StationMotion,
 )
 from orip.records.definition import ANTENNA_PARAMETERS, Antenna
 from orip.records.ground import PLAIN, HeightGrid, Terrain, TerrainHeight, TerrainModel
@@ -644,11 +645,15 @@ def _with_set(block: Block, name: str) -> Block:
 
 def _rolling(block: Block) -> Block:
     """Return a block of a rolling shutter, with unknown readout and motions."""
-    camera = block.cameras[0]
+    camera, photo = block.cameras[0], block.photos[0].name
+    said = StationMotion((8.0, 1.0, -2.0), (0.1, 0.2, 0.1), (0.1, -0.2, 0.1), (0.01, 0.02, 0.01))
+    own = next((one for one in block.stations if one.photo == photo), Station(photo, NOT_GIVEN, NOT_GIVEN))
+    others = tuple(one for one in block.stations if one.photo != photo)
     height = 2.5 * float(np.abs(block.photo_points.xy).max())
     return replace(
         block,
         definition=replace(block.definition, velocity_error=0.3, rate_error=2.0),
+        stations=(*others, replace(own, motion=said)),
         cameras=(
             replace(
                 camera, parameters=(*camera.parameters[:-1], 0.05), sensor=Sensor(3000, 2000, 1.5 * height, height),

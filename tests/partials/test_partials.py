@@ -152,6 +152,7 @@ GIVES_NONE = {
     "orip.bundle.results.mountings._of_rotations": "standard deviations",
     "orip.bundle.results.mountings.exposure_estimates": "standard deviations",
     "orip.geometry.frames.terrestrial_rates": "angular rates",
+    "orip.bundle.known_motions.KnownMotions.at": "velocities and angular rates of photos, held in an iteration",
     "orip.interior.motions._derivatives": "velocities and angular rates of photos, from differences",
     "orip.interior.motions.motions": "velocities and angular rates of photos, from differences",
     "orip.prelim.similarity.start._DampedProblem._linearised": "some of the rows, weighted",

@@ -96,10 +96,12 @@ def test_what_is_no_photo_of_the_block_is_named_and_left_out(folder):
     (folder / "empty.jpg").touch()
     (folder / "dir.jpg").mkdir()
     Image.new("L", (1920, 1080)).save(folder / "screen.png")
+    Image.new("L", (1300, 400)).save(folder / "pano.jpg")
     said, project = _made(folder)
     for name, why in {
         "copy.jpg": "same picture as A1.jpg", "soft.jpg": "blurred",
         "empty.jpg": "empty", "dir.jpg": "a folder", "screen.png": "screenshot",
+        "pano.jpg": "1300 x 400 pixels: a panorama",
     }.items():  # fmt: skip
         (line,) = [line for line in said.splitlines() if line.startswith(f"left out {name}:")]
         assert why in line

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from orip.records.block import Block, IndexedPhotoPoints
 from orip.records.camera import Camera, Sensor
-from orip.records.control import NOT_GIVEN, ControlPoint, Station
+from orip.records.control import NOT_GIVEN, ControlPoint, Station, StationMotion
 from orip.records.definition import BundleDefinition, Precision
 from orip.records.photo import Photo
 
@@ -52,18 +52,20 @@ Path = Callable[[np.ndarray], tuple[np.ndarray, Rotation]]
 
 def flown(
     seed: int, readout: float, speed: float, *, rtk: bool = True, swing: Swing = STEADY, unknown: tuple[str, ...] = (),
-    given: float = 0.0, **definition: float,
+    given: float = 0.0, known: tuple[float, float] | None = None, **definition: float,
 ) -> Flown:  # fmt: skip
     """Return a flight of strips there and back, the camera turning with them.
 
-    Without RTK the stations have times alone, and more control is measured. `given` is the readout of the block.
+    Without RTK the stations have times alone, and more control is measured. `given` is the readout of the block,
+    `known` the standard deviations of velocities and angular rates (degrees a second) that stations say; None: none do.
     """
     random = np.random.default_rng(seed)
     base, spacing = 0.3 * HEIGHT / C * ABOVE, 0.5 * WIDTH / C * ABOVE
     points = random.uniform([-20.0, -20.0, 0.0], [2 * spacing + 20.0, 5 * base + 20.0, 8.0], (POINTS, 3))
     interval = base / speed
     times = interval * np.arange(PHOTOS) + random.uniform(-0.1, 0.1, (STRIPS, PHOTOS)) * interval
-    photo, point, xy, centres, rotations, motion = [], [], [], [], [], []
+    photo, point, xy, centres, rotations, motion, moved = [], [], [], [], [], [], []
+    of_motions = np.random.default_rng([seed, 1])
     for strip in range(STRIPS):
         path = _path(random, strip, spacing, (PHOTOS - 1) * base, speed, swing, interval)
         for row, time in enumerate(times[strip]):
@@ -77,6 +79,7 @@ def flown(
             place, rotation = path(np.array([time]))
             centres.append(place[0])
             rotations.append(rotation.as_euler("XYZ")[0])
+            moved.append(None if known is None else _said(path, time, known, of_motions))
     kept = np.flatnonzero(np.bincount(point, minlength=POINTS) >= 3)
     use = np.isin(point, kept)
     observed = np.vstack(xy)[use] + random.normal(scale=NOISE, size=(use.sum(), 2))
@@ -106,14 +109,32 @@ def flown(
         stations=tuple(
             Station(
                 name, tuple(xyz) if rtk else NOT_GIVEN, (STATION_ERROR,) * 3 if rtk else NOT_GIVEN,
-                time=100.0 * strip + float(times[strip, row]), strip=str(strip),
+                time=100.0 * strip + float(times[strip, row]), strip=str(strip), motion=said,
             )
-            for name, xyz, strip, row in zip(
-                photos, taken.tolist(), np.repeat(range(STRIPS), PHOTOS), np.tile(range(PHOTOS), STRIPS), strict=True
+            for name, xyz, strip, row, said in zip(
+                photos, taken.tolist(), np.repeat(range(STRIPS), PHOTOS), np.tile(range(PHOTOS), STRIPS), moved,
+                strict=True,
             )
         ),
     )  # fmt: skip
     return Flown(block, readout, np.array(motion))
+
+
+def moving(path: Path, time: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the velocity and the angular rate about the ground axes (degrees a second): differences over a moment."""
+    moment = 1e-4
+    places, rotations = path(np.array([time - moment, time + moment]))
+    turn = (rotations[1] * rotations[0].inv()).as_rotvec(degrees=True)
+    return (places[1] - places[0]) / (2.0 * moment), turn / (2.0 * moment)
+
+
+def _said(path: Path, time: float, errors: tuple[float, float], random: np.random.Generator) -> StationMotion:
+    velocity, rate = moving(path, time)
+    velocity = velocity + random.normal(scale=errors[0], size=3)
+    rate = np.radians(rate + random.normal(scale=errors[1], size=3))
+    return StationMotion(
+        tuple(velocity.tolist()), (errors[0],) * 3, tuple(rate.tolist()), (float(np.radians(errors[1])),) * 3
+    )
 
 
 def _path(

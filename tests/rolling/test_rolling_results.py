@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import orip
-from orip.bundle.assemble import without_motion
+from orip.bundle.known_motions import without_motion
 from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import solve_block
 from orip.files.listings.bundle_estimates import camera_lines, motion_lines

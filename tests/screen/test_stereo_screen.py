@@ -256,6 +256,25 @@ def test_what_others_write_meanwhile_stays_and_what_cannot_be_is_refused(project
     assert before.count(b"POINT") == 3
 
 
+def test_an_image_that_vanishes_is_one_message_and_strangers_are_refused(project: Path) -> None:
+    image, wanted = project / "images" / "P1.png", {"kind": "POINT", "code": "T", "name": "1"}
+    with served_stereo(project) as server:
+        assert asked(server.url, "pictures/0/1/0/0/0")[0] == 200
+        there = image.read_bytes()
+        image.unlink()
+        try:
+            status, said = asked(server.url, "pictures/0/1/0/0/0")
+        finally:
+            image.write_bytes(there)
+        assert status == 404
+        assert "P1.png" in said["error"]
+        assert "not there any more" in said["error"]
+        assert asked(server.url, "pictures/0/1/0/0/0")[0] == 200
+        for header in ({"Origin": "http://example.org"}, {"Host": "example.org"}):
+            assert asked(server.url, "record", wanted, **header)[0] == 403
+    assert not (project / STEREO_FILE).exists()
+
+
 def test_what_was_acknowledged_is_in_the_file_whenever_the_program_is_killed(project: Path) -> None:
     command = [sys.executable, "-m", "orip", "-C", str(project), "screen", "--stereo", "--no-open"]
     for killed_after in (5, 12):

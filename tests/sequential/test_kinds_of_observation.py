@@ -72,7 +72,7 @@ def test_square_sum_and_redundancy_are_those_of_the_adjustment(both) -> None:
     assert made.square_sum == pytest.approx(float(rest @ rest), rel=1e-6)
     assert made.redundancy == found.variance.redundancy
     # what is left to correct is less than that
-    assert np.abs(made.solution()[0]).max() < 1e-3
+    assert np.abs(made.triangle.solution()).max() < 1e-3
 
 
 def test_redundancy_numbers_are_those_of_the_adjustment(both) -> None:
@@ -127,7 +127,7 @@ def test_a_constant_distance_counts_as_in_the_adjustment() -> None:
     key = next(key for key in made.included if key.kind == "constant distance")
     assert made.included[key].exact
     assert made.redundancy == found.variance.redundancy
-    assert np.abs(made.solution()[0]).max() < 1e-3
+    assert np.abs(made.triangle.solution()).max() < 1e-3
 
 
 def test_two_rays_cannot_be_told_apart() -> None:

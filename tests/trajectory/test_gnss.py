@@ -272,6 +272,7 @@ def test_what_is_wrong_with_the_files_is_said_together_and_nothing_is_written(fo
         ((ROVER, BASE, ORBITS, "--systems", "E"), "no satellite of the systems E in common"),
         ((ROVER, BASE, ORBITS, "--base", "35,139,70"), "write geocentric X, Y and Z in metres"),
         ((ROVER, BASE, ORBITS, "--output", BASE), "is a file that is read"),
+        ((ROVER, BASE, ORBITS, "--rover-height", "1520"), "'1520' is not a number from -100 to 100"),
         (("nix.obs", "no.obs", "none.nav"), "no.obs: there is no such file"),
     ]:
         answer = orip(folder, "gnss", *words)

@@ -15,6 +15,9 @@ from orip.files.control.differences_text import read_differences
 from orip.files.control.stations_text import read_stations
 from orip.records.epochs import SECONDS_PER_WEEK
 
+OFF = (-3978242.4348, 3382841.1715, 3650002.7667)
+"""100 m from the base."""
+
 pytest.importorskip("gtsam", reason="pip install 'orip[ins]'")
 
 TEXT = """project = {{ name = "F", crs = "EPSG:25832" }}
@@ -72,8 +75,27 @@ def test_only_what_is_out_of_date_is_computed(computed, tmp_path):
     assert "stations 11 in F.STA" in orip(folder, "run").err
     assert steps(folder)[0] == ("orip imu", "up to date")
     assert len(read_stations(folder / "F.STA", "S").value) == 11
+    events = (folder / "events.csv").read_text().splitlines(keepends=True)
+    (folder / "events.csv").write_text("".join(events[:-1]))
+    said = orip(folder, "run")
+    assert "stations 10 in F.STA" in said.err
+    assert "F.STA: P10 has a station from an earlier run or from elsewhere; take out" in said.err
     (folder / "F.STA").unlink()
     assert steps(folder)[0] == ("orip imu", "missing")
+
+
+def test_what_is_doubtful_of_a_trajectory_is_said(computed, tmp_path):
+    folder = Path(shutil.copytree(computed, tmp_path / "doubtful"))
+    for change, words in (
+        ('lever_arm = [-0.4, 0.2, 1.1]', "the positions fit best with --lever-arm="), ("shift = 0.2", "a time offset"),
+    ):  # fmt: skip
+        given = text([-0.4, 0.2, 1.1]) if "lever" in change else text().replace("as_given", f"{change}, as_given")
+        (folder / "orip.toml").write_text(
+            given + "".join(f'[[photo]]\nname = "P{n}"\ncamera = "C35"\n' for n in range(11))
+        )
+        said = orip(folder, "run")
+        assert "stations 11 in F.STA" in said.err, said.err
+        assert words in said.err
 
 
 def test_what_is_wrong_is_said_and_nothing_is_written(computed, tmp_path):
@@ -89,7 +111,7 @@ def test_what_is_wrong_is_said_and_nothing_is_written(computed, tmp_path):
     assert (folder / "F.STA").read_bytes() == before
     for wrong, words in (
         ('force_unit = "lb"', "force_unit"), ("columns = ['time', 'fx']", "columns of [imu] name each of time, fx"),
-        ("rate = 9", "rate"),
+        ("rate = 9", "rate"), ("mount = [0.0, 0.0, 900.0]", "mount number 3 of [imu] is 900"),
     ):  # fmt: skip
         shutil.copy(computed / "imu.csv.gz", folder / "imu.csv.gz")
         (folder / "orip.toml").write_text(given.replace("as_given = true", f"as_given = true, {wrong}"))
@@ -125,6 +147,17 @@ def test_positions_of_a_receiver_become_stations(tmp_path):
     # in the coordinates of the project; RTKLIB's own static solution
     expected = Transformer.from_crs(4978, 32654, always_xy=True).transform(-3976219.6649, 3382372.5435, 3652513.0563)
     np.testing.assert_allclose(place, [expected] * 3, atol=0.03)
+    given = (tmp_path / "orip.toml").read_text()
+    for old, new, words in (
+        (f'["{orbits}"]', "[]", "no orbits are given"),
+        ("gnss = { ", "gnss = { base_place = [35.2, 139.6, 70.0], ", "the place of the base is 35.2, 139.6, 70; geo"),
+        ("gnss = { ", "gnss = { base_height = 1520.0, ", "a number of at most 100 is required"),
+        ("gnss = { ", f"gnss = {{ base_place = {[*OFF]}, ", "the base is 100 m from the place in its header"),
+    ):
+        (tmp_path / "orip.toml").write_text(given.replace(old, new))
+        assert words in orip(tmp_path, "run").err
+    (tmp_path / "orip.toml").write_text(given)
+    assert "stations 3 in F.STA" in orip(tmp_path, "run").err
     (tmp_path / base).write_bytes((tmp_path / base).read_bytes() + b"\n")
     # positions are to be computed again, and stations follow
     assert steps(tmp_path)[0] == ("orip gnss", "out of date")

@@ -51,6 +51,18 @@ def test_errors_are_turned_by_the_convergence() -> None:
     np.testing.assert_allclose(np.array(found.covariance)[:2, :2], expected, rtol=1e-6)
 
 
+def test_motions_are_turned_as_errors_are() -> None:
+    motion = "- " * 17 + "10 0 1 0.3 0.1 0.2 0 5 2 0.1 0.1 0.1"
+    (found,) = converted("CRS EPSG:4258\n" + LINE.format(*PLACE).rstrip() + " " + motion + "\n")
+    angle = np.radians(Proj(CRS.from_epsg(25832)).get_factors(*PLACE[:2]).meridian_convergence)
+    sine, cosine = np.sin(angle), np.cos(angle)
+    assert found.motion is not None
+    np.testing.assert_allclose(found.motion.velocity, [10 * cosine, 10 * sine, 1], atol=1e-7)
+    np.testing.assert_allclose(np.degrees(found.motion.rate), [-5 * sine, 5 * cosine, 2], atol=1e-7)
+    np.testing.assert_allclose(found.motion.velocity_error[0], np.hypot(0.3 * cosine, 0.1 * sine), rtol=1e-6)
+    assert np.degrees(found.motion.rate_error) == pytest.approx([0.1, 0.1, 0.1])
+
+
 def test_roll_pitch_heading_refer_to_true_north() -> None:
     (by_place,) = converted("CRS EPSG:4258\nANGLES ROLL PITCH HEADING\n" + LINE.format(*PLACE))
     (by_grid,) = converted("ANGLES roll pitch heading\n" + LINE.format(*in_grid()))

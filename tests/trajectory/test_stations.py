@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from orip.errors import InputError
 from orip.geometry.rotation import angles_from_rotation, rotation_from_navigation
-from orip.stations.interpolation import Exposures, stations_in_project
+from orip.stations.in_project import Exposures, stations_in_project
 
 PLACES = np.array([[9.95, 53.55, 120.0], [10.15, 53.60, 180.0]])
 

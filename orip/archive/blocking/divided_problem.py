@@ -320,13 +320,12 @@ def pose_divided(
     Raises
     ------
     NotSolvableError
-        If the block has rigs or unknown motions, or an observation couples unknowns in a way that no front has.
+        If the block has rigs, or an observation couples unknowns in a way that no front has.
     """
     whole = posed(block)
     problem, unknowns = whole.problem, whole.problem.unknowns
-    if unknowns.rigs is not None or (unknowns.motions != CONSTANT).any():
-        what = "rigs" if unknowns.rigs is not None else "unknown motions (velocity_error, rate_error)"
-        message = f"a block with {what} is not divided: adjust it as a whole, without Dask"
+    if unknowns.rigs is not None:
+        message = "a block with rigs is not divided: adjust it as a whole, without Dask"
         raise NotSolvableError(message)
     if whole.couples_points:
         message = "an observation connects an eliminated point with other unknowns: this block cannot be divided"

@@ -38,7 +38,7 @@ class SubBlock(NamedTuple):
     camera_columns : array (c, 13) of int
         Places of the unknowns in the front of the node, `CONSTANT` where there is none.
     additional_columns : array (c, k) of int
-    photo_columns : array (p, 6) of int
+    photo_columns, motion_columns : arrays (p, 6) of int
     point_columns : array (q, 3) of int
         After the front, three for each point.
     coordinates : array (q, 3)
@@ -61,6 +61,7 @@ class SubBlock(NamedTuple):
     camera_columns: IntArray
     additional_columns: IntArray
     photo_columns: IntArray
+    motion_columns: IntArray
     point_columns: IntArray
     coordinates: FloatArray
     front: int
@@ -198,6 +199,7 @@ def _sub_block(
         in_front(unknowns.cameras[cameras]),
         in_front(unknowns.additional[cameras]),
         in_front(unknowns.photos[photos]),
+        in_front(unknowns.motions[photos]),
         point_columns,
         coordinates[points],
         front,
@@ -238,7 +240,7 @@ def _unknowns(sub_block: SubBlock) -> Unknowns:
         theodolites=np.zeros(0, dtype=np.int64),
         figures=np.zeros((0, len(FIGURE_PARAMETERS)), dtype=np.int64),
         photos=sub_block.photo_columns,
-        motions=np.full((len(sub_block.photo_columns), 6), CONSTANT),
+        motions=sub_block.motion_columns,
         points=sub_block.point_columns,
         layout=layout_of(sub_block, fixed),
         names=UnknownNames((), (), np.arange(count), fixed.ravel()),

@@ -253,9 +253,9 @@ def _stations(
 
 
 def _moved(station: Station, place: Sequence[float]) -> Station:
-    """Return a station at another place, without angles and covariances."""
+    """Return a station at another place, without angles, motion and covariances."""
     x, y, z = place
-    return replace(station, position=(x, y, z), angles=NOT_GIVEN, angle_error=NOT_GIVEN, covariance=None)
+    return replace(station, position=(x, y, z), angles=NOT_GIVEN, angle_error=NOT_GIVEN, covariance=None, motion=None)
 
 
 def said_of_ground(ground: LocalGround) -> str:

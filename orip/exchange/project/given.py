@@ -119,7 +119,7 @@ def given_stations(
         return tuple(stations), StationReference(navigation=reference.navigation), ()
     places: FloatArray = frame.to_local(np.array([station.position for station in stations]))
     moved = [
-        replace(station, position=(x, y, z), angles=NOT_GIVEN, angle_error=NOT_GIVEN, covariance=None)
+        replace(station, position=(x, y, z), angles=NOT_GIVEN, angle_error=NOT_GIVEN, covariance=None, motion=None)
         for station, (x, y, z) in zip(stations, places.tolist(), strict=True)
     ]
     return tuple(moved), StationReference(), ()

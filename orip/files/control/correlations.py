@@ -44,7 +44,10 @@ def read_correlations(
         The first field; how many there are at most: 3 or 15.
     """
     there = min(count, reader.count - start)
-    if there <= 0 or all(reader.text(index) == _UNKNOWN for index in range(start, start + there)):
+    for known in (3, 0):
+        if there > known and all(reader.text(index) == _UNKNOWN for index in range(start + known, start + there)):
+            there = known
+    if there <= 0:
         return None
     import numpy as np  # most lines have no correlations
 

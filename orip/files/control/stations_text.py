@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 
 from orip.errors import Complaint
@@ -14,8 +15,11 @@ from orip.records.control import (
     ANGLE_ERRORS,
     GROUND_ERRORS,
     NOT_GIVEN,
+    RATE_ERRORS,
+    SPEED_ERRORS,
     ErrorLimits,
     Station,
+    StationMotion,
     StationReference,
 )
 from orip.records.names import record_key
@@ -24,19 +28,21 @@ from orip.units import RADIANS_PER_DEGREE
 
 STATION_KEYS = (
     "photo", "X", "Y", "Z", "aX", "aY", "aZ", "OMEGA", "PHI", "KAPPA", "aOMEGA", "aPHI", "aKAPPA", "time", "strip",
-    *CORRELATION_KEYS,
+    *CORRELATION_KEYS, "VX", "VY", "VZ", "aVX", "aVY", "aVZ", "WX", "WY", "WZ", "aWX", "aWY", "aWZ",
 )  # fmt: skip
 """Fields of a line; those after the seventh may be missing from the end, in the groups of `OPTIONAL_KEYS`."""
 
-OPTIONAL_KEYS = (STATION_KEYS[7:13], STATION_KEYS[13:14], STATION_KEYS[14:15], STATION_KEYS[15:18], STATION_KEYS[18:])
+_COUNTS = (7, 13, 14, 15, 18, 30, 36, 42)
+_CORRELATIONS, _VELOCITY, _RATE = 15, 30, 36
+
+OPTIONAL_KEYS = tuple(STATION_KEYS[first:end] for first, end in pairwise(_COUNTS))
 
 _DECIMALS, _DECIMALS_OF_DEGREES, _COEFFICIENTS = 4, 10, 7
 
 _FORM = (
-    "photo X Y Z aX aY aZ, then OMEGA PHI KAPPA aOMEGA aPHI aKAPPA, time, strip, rXY rXZ rYZ and rXO ... rPK as far as "
-    "known"
+    "photo X Y Z aX aY aZ, then OMEGA PHI KAPPA aOMEGA aPHI aKAPPA, time, strip, rXY rXZ rYZ, rXO ... rPK, VX VY VZ "
+    "aVX aVY aVZ and WX WY WZ aWX aWY aWZ as far as known"
 )
-_COUNTS = (7, 13, 14, 15, 18, 30)
 _UNKNOWN = "-"
 
 Triple = tuple[float, float, float]
@@ -137,7 +143,13 @@ def _fields(station: Station, decimals: int) -> list[str]:
         _fixed(station.time, _DECIMALS),
         station.strip or _UNKNOWN,
         *correlation_cells(station.covariance, _DECIMALS if len(station.covariance or ()) == 3 else _COEFFICIENTS),
+        *_motion_fields(station.motion or StationMotion()),
     ]
+
+
+def _motion_fields(motion: StationMotion) -> list[str]:
+    rates = [rate / RADIANS_PER_DEGREE for rate in (*motion.rate, *motion.rate_error)]
+    return [_fixed(value, _DECIMALS) for value in (*motion.velocity, *motion.velocity_error, *rates)]
 
 
 def _fixed(value: float, decimals: int) -> str:
@@ -152,7 +164,8 @@ def _read_station(reader: FieldReader) -> Station | None:
     angles, angle_error = NOT_GIVEN, NOT_GIVEN
     if reader.count >= _COUNTS[1]:
         angles, angle_error = observed_triple(reader, 7, ANGLE_ERRORS, "attitude", "OMEGA, PHI and KAPPA")
-    if math.isnan(position[0]) and math.isnan(angles[0]) and not reader.complaints:
+    motion = _read_motion(reader)
+    if math.isnan(position[0]) and math.isnan(angles[0]) and motion is None and not reader.complaints:
         reader.complain(f"photo '{reader.shown_text(0)}' has neither a position nor angles; remove the line")
     time = reader.number_or_dash(13) if reader.count > 13 else None
     strip = reader.text(14) if reader.count > 14 and reader.text(14) != _UNKNOWN else ""
@@ -162,11 +175,30 @@ def _read_station(reader: FieldReader) -> Station | None:
         position_error=position_error,
         angles=radians(angles),
         angle_error=radians(angle_error),
-        covariance=read_covariance(reader, (*position_error, *radians(angle_error)), 15, len(CORRELATION_KEYS)),
+        covariance=read_covariance(
+            reader, (*position_error, *radians(angle_error)), _CORRELATIONS, len(CORRELATION_KEYS)
+        ),
         time=math.nan if time is None else time,
         strip=strip,
+        motion=motion,
         line=reader.number,
     )
+
+
+def _read_motion(reader: FieldReader) -> StationMotion | None:
+    """Return the motion; None where neither a velocity nor an angular rate is known."""
+    velocity, velocity_error, rate, rate_error = (NOT_GIVEN,) * 4
+    if reader.count > _VELOCITY:
+        velocity, velocity_error = observed_triple(reader, _VELOCITY, SPEED_ERRORS, "velocity", "VX, VY and VZ")
+    if reader.count > _RATE:
+        rate, rate_error = observed_triple(reader, _RATE, RATE_ERRORS, "angular rate", "WX, WY and WZ")
+    for start, errors in ((_VELOCITY + 3, velocity_error), (_RATE + 3, rate_error)):
+        for index, error in enumerate(errors, start):
+            if error < 0.0:
+                reader.complain("an error of a motion is 0 or above; write '-' for a motion that is not known", index)
+    if math.isnan(velocity[0]) and math.isnan(rate[0]):
+        return None
+    return StationMotion(velocity, velocity_error, radians(rate), radians(rate_error))
 
 
 def observed_triple(
@@ -179,9 +211,8 @@ def observed_triple(
         return NOT_GIVEN, NOT_GIVEN
     if any(unknown):
         index = fields[unknown.index(True)]
-        message = (
-            f"'-' for a part of the {what}; give {keys} and their errors, six numbers, or '-' for all six "
-            "(a single one is given as an element in the .ELE file)"
+        message = f"'-' for a part of the {what}; give {keys} and their errors, six numbers, or '-' for all six" + (
+            " (a single one is given as an element in the .ELE file)" if start < _VELOCITY else ""
         )
         reader.complain(message, index)
     values = [reader.number_or_dash(index) for index in fields[:3]]

@@ -16,6 +16,7 @@ from orip.online.block.current_values import CurrentValues, counting_alone, with
 from orip.online.block.first_photos import FirstValues, PhotoCorrections
 from orip.online.block.local_system import LocalSystem
 from orip.online.block.measurements import Measurements, RayName
+from orip.online.block.places_at_solution import PlacesAtSolution
 from orip.online.sequential.hyper_rows import ObservationRows
 from orip.online.sequential.observation_rows import ObservationKey, ReducedColumns, linearised
 from orip.online.sequential.sequential_block import SequentialBlock
@@ -311,14 +312,7 @@ class OnlineBlock:
 
     def _relinearise_some(self, photos: Collection[str], points: dict[str, FloatArray], reduced: FloatArray) -> None:
         """Move some photos and points to the solution, and linearise what is observed of them there."""
-        part = self.measurements.part(self.rays_with_values(photos=photos))
-        if part is not None:
-            part = with_cameras_held(self.values.started(part))
-            moved = starting_state(part).moved(
-                self._of_block(part, reduced), number_unknowns(part, self._tied_rows(part))
-            )
-            for row, photo in enumerate(part.photos):
-                self.values.orientations[photo.name] = np.concatenate([moved.centres[row], moved.angles()[row]])
+        self.values.orientations.update(self._moved(map(self._one_ray, photos), reduced)[0])
         for name, move in points.items():
             self.values.points[name] = self.values.points[name] + move
         rows = self.rows(self.rays_with_values(photos, points))
@@ -328,29 +322,40 @@ class OnlineBlock:
 
     def relinearise(self) -> None:
         """Move all values to the solution, and linearise all equations there."""
-        self.values.orientations, self.values.points = self.at_solution()
+        orientations, points = self.at_solution()
+        self.values.orientations, self.values.points = orientations, dict(points)
         self.linearise_again()
 
-    def at_solution(self) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
+    def at_solution(self) -> tuple[dict[str, FloatArray], PlacesAtSolution]:
         """Return the orientations (6,) and points (3,) of the solution: the values with their corrections."""
-        orientations, places = dict(self.values.orientations), dict(self.values.points)
-        part = self._valued()
+        reduced = self.equations.triangle.solution()
+        measured = [photo for photo in self.values.orientations if self.measurements.points_in(photo)]
+        tied = self.rays_with_values(points=self.measurements.control.distances)
+        orientations, places = self._moved([*map(self._one_ray, measured), *tied], reduced)
+        points = PlacesAtSolution(self.values.points, places, self.equations, reduced)
+        return {**self.values.orientations, **orientations}, points
+
+    def _one_ray(self, photo: str) -> RayName:
+        """Return a ray of a photo, of a point with values if there is one."""
+        points = self.measurements.points_in(photo)
+        return photo, next((name for name in points if name in self.values.points), next(iter(points)))
+
+    def _moved(
+        self, rays: Iterable[RayName], reduced: FloatArray
+    ) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
+        """Return the corrected orientations (6,) of the photos of rays, and points (3,) that are tied to others."""
+        part = self._with_values(self.measurements.part(rays))
         if part is None:
-            return orientations, places
+            return {}, {}
         part = with_cameras_held(part)
-        reduced, points = self.equations.solution()
-        unknowns = number_unknowns(part, self._tied_rows(part))
-        correction = self._of_block(part, reduced)
-        for place, row in enumerate(unknowns.names.eliminated.tolist()):
-            start = unknowns.layout.reduced + 3 * place
-            correction[start : start + 3] = points.get(part.point_names[row], np.zeros(3))
+        unknowns = number_unknowns(part, tied := self._tied_rows(part))
+        correction = np.zeros(unknowns.layout.size)
+        correction[: unknowns.layout.reduced] = self._corrections.of(unknowns.names.reduced, reduced)
         correction[unknowns.layout.fixed] = 0.0
         state = starting_state(part).moved(correction, unknowns)
         elements = np.hstack([state.centres, state.angles()])
-        orientations.update(zip((photo.name for photo in part.photos), elements, strict=True))
-        for row, name in enumerate(part.point_names):
-            places[name] = state.points[row].copy()
-        return orientations, places
+        orientations = dict(zip((photo.name for photo in part.photos), elements, strict=True))
+        return orientations, {part.point_names[row]: state.points[row].copy() for row in tied}
 
     def approach_solution(self) -> None:
         """Linearise everything at the solution until what corrections neglect is far below any standard deviation."""
@@ -359,13 +364,6 @@ class OnlineBlock:
             if not (self._far_photos(reduced, _SHOWN) or self._far_points(self.values.points, reduced, _SHOWN)):
                 break
             self.relinearise()
-
-    def _of_block(self, part: Block, reduced: FloatArray) -> FloatArray:
-        """Return the corrections of a block's reduced unknowns, in its order, and zero for its points."""
-        unknowns = number_unknowns(part, self._tied_rows(part))
-        found = np.zeros(unknowns.layout.size)
-        found[: unknowns.layout.reduced] = self._corrections.of(unknowns.names.reduced, reduced)
-        return found
 
     def linearise_again(self) -> None:
         """Linearise what is in at the values, control with its present weight."""
@@ -392,7 +390,9 @@ class OnlineBlock:
 
     def _valued(self) -> Block | None:
         """Return the photos and points that have values; None if there are none."""
-        block = self.measurements.whole()
+        return self._with_values(self.measurements.whole())
+
+    def _with_values(self, block: Block | None) -> Block | None:
         if block is None or not self.values.orientations:
             return None
         oriented, placed = self.values.is_oriented(block), self.values.is_placed(block)

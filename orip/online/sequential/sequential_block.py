@@ -299,11 +299,6 @@ class SequentialBlock(Generic[Key]):
             found.append(-scale[:, None] * product * their_scale)
         return found
 
-    def solution(self) -> tuple[FloatArray, dict[str, FloatArray]]:
-        """Return the corrections of the reduced unknowns (n,) and of points (3,); 0 where nothing determines one."""
-        reduced = self.triangle.solution()
-        return reduced, {name: point.hyper_row.coordinates_at(reduced) for name, point in self._points.items()}
-
     def point_correction(self, name: str, reduced: FloatArray) -> FloatArray:
         """Return the corrections (3,) of a point for corrections of the reduced unknowns; 0 where nothing tells."""
         point = self._points.get(name)

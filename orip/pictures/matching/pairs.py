@@ -81,6 +81,13 @@ def promising_pairs(features: Sequence[Features]) -> list[tuple[int, int]]:
     return [pair for pair in examined if chosen[pair]]
 
 
+def expected_pairs(count: int, places: NDArray[np.float64] | None, most: int) -> int:
+    """Return how many pairs of photos will be compared: exactly, but for more than thirty without places."""
+    if places is not None:
+        return len(neighbouring_pairs(places, most))
+    return count * (count - 1) // 2 if count <= ALL_UP_TO else round(0.75 * _BEST * count)
+
+
 def neighbouring_pairs(places: NDArray[np.float64], most: int) -> list[tuple[int, int]]:
     """Return pairs of photos of which one is among the nearest of the other.
 

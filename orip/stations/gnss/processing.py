@@ -248,6 +248,12 @@ def _complaints(
     files: GnssFiles, rover: ReceiverFile, base: ReceiverFile, orbits: Sequence[ReceiverFile],
     precise: Sequence[PreciseFile],
 ) -> Iterator[Complaint]:  # fmt: skip
+    if not orbits and not precise:
+        yield Complaint("no orbits are given; name the navigation file of the day", rover.shown)
+    if files.base_place is not None and not is_on_earth(files.base_place):
+        given = ", ".join(f"{value:g}" for value in files.base_place)
+        text = f"the place of the base is {given}; geocentric X, Y and Z in metres are needed"
+        yield Complaint(text, base.shown)
     if rover.data == base.data:
         yield Complaint("rover and base are the same file; give the observations of two receivers", rover.shown)
         return
@@ -327,6 +333,11 @@ def _doubts(result: GnssResult) -> Iterator[ProjectWarning]:
 def _antenna(part: ReceiverFile, height: float | None) -> tuple[float, float, float]:
     east, north, up = (float(value) for value in part.antenna)
     return east, north, up if height is None else height
+
+
+def is_on_earth(place: Sequence[float]) -> bool:
+    """Return whether geocentric coordinates are of a place near the surface of the Earth."""
+    return 6.2e6 < float(np.linalg.norm(place)) < 6.5e6
 
 
 def common_epochs(rover: ReceiverFile, base: ReceiverFile) -> int:

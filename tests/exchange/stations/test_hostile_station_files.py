@@ -10,7 +10,7 @@ from exchange.stations.test_station_formats import MRK, POS, sbet
 
 from orip.stations.exposures import Matching, Sources, find_exposures
 from orip.stations.imported import read_epochs
-from orip.stations.interpolation import stations_in_project
+from orip.stations.in_project import stations_in_project
 
 # a JPEG with an EXIF segment of one GPS latitude, little-endian
 _EXIF = (

@@ -7,9 +7,9 @@ import pytest
 from mistakes.stations.flown_rows import flight
 
 from orip.bundle.groups.held_readouts import readout_test
+from orip.bundle.known_motions import known_motions
 from orip.bundle.solve import SolvedBlock, solve_block
 from orip.errors import ProjectWarning
-from orip.interior.motions import motions, timed_photos
 from orip.mistakes.camera_values import OF_READOUT_TIMES, READOUT_TIME, ROLLING_SHUTTER, rolling_shutters
 from orip.mistakes.hypothesis import Readjuster
 from orip.records.block import Block
@@ -27,7 +27,8 @@ def said_of(solved: SolvedBlock) -> list[ProjectWarning]:
 
 
 def normed(solved: SolvedBlock, readout: float) -> float:
-    motion = motions(timed_photos(solved.block), solved.state.centres, solved.state.rotations)
+    state = solved.state
+    motion = known_motions(solved.block).at(state.centres, state.rotations, state.antennas)
     found = readout_test(solved, 0, motion)
     return (found.readout - readout) / found.sd
 
