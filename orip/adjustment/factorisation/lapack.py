@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cython_blas, cython_lapack, lapack
 
 from orip.arrays import FloatArray, IntArray
+from orip.threads import by_threads
 
 # Small blocks have hundreds of systems of some unknowns, which take less time than the checks of SciPy's
 # `solve_triangular`.
@@ -112,7 +113,7 @@ def eliminate_panel(band: FloatArray, start: int, end: int, reach: int) -> int:
     Its columns, from `start` on to that before `end`, reach down to the row before `reach`.
     """
     stride, count, rest = _number(band.shape[1] - 1), _number(end - start), _number(reach - end)
-    diagonal, below, after = (_part(band, row, column) for row, column in ((start, start), (end, start), (end, end)))
+    diagonal, below = _part(band, start, start), _part(band, end, start)
     info = _number(0)
     _call(_FACTORISE_FULL, _letter("L"), count, diagonal, stride, info)
     if not info and reach > end:
@@ -120,8 +121,33 @@ def eliminate_panel(band: FloatArray, start: int, end: int, reach: int) -> int:
             _SOLVE_FULL, _letter("R"), _letter("L"), _letter("T"), _letter("N"), rest, count, _ONE, diagonal, stride,
             below, stride,
         )  # fmt: skip
-        _call(_SUBTRACT_SQUARE, _letter("L"), _letter("N"), rest, count, _MINUS_ONE, below, stride, _ONE, after, stride)
+        # two strips with as many elements each: more of them take longer on one thread
+        between = [end + 32 * round(_FIRST_STRIP * (reach - end) / 32)] if reach - end > _TWO_STRIPS else []
+        strips = pairwise([end, *between, reach])
+        by_threads(lambda strip: _subtract_square(band, start, end, reach, *strip), strips, 1)
     return int(info)
+
+
+_TWO_STRIPS = 512
+"""Columns after a panel from which two threads pay."""
+
+_FIRST_STRIP = 1.0 - 0.5**0.5
+"""Part of the columns of a triangle that has half of its elements."""
+
+
+def _subtract_square(band: FloatArray, start: int, end: int, reach: int, first: int, last: int) -> None:
+    """Subtract the product of a panel from the columns from `first` on to that before `last`."""
+    stride, count, columns = _number(band.shape[1] - 1), _number(end - start), _number(last - first)
+    own = _part(band, first, start)
+    _call(
+        _SUBTRACT_SQUARE, _letter("L"), _letter("N"), columns, count, _MINUS_ONE, own, stride, _ONE,
+        _part(band, first, first), stride,
+    )  # fmt: skip
+    if reach > last:
+        _call(
+            _MULTIPLY, _letter("N"), _letter("T"), _number(reach - last), columns, count, _MINUS_ONE,
+            _part(band, last, start), stride, own, stride, _ONE, _part(band, last, first), stride,
+        )  # fmt: skip
 
 
 def solve_panel(band: FloatArray, start: int, end: int, reach: int, vectors: FloatArray) -> None:
@@ -300,10 +326,14 @@ def factorise_envelope(band: FloatArray, reach: IntArray) -> EnvelopeFactor | No
     reach : array (n,) of int
         As `reach_of_panels` returns it.
     """
-    factor = np.empty_like(band)
-    for start, end, last in panels_of(reach):
+    factor, panels = np.empty_like(band), panels_of(reach)
+
+    def copy(panel: Panel) -> None:
+        start, end, last = panel
         factor[start:end, : last - start] = band[start:end, : last - start]
-    for panel in panels_of(reach):
+
+    by_threads(copy, panels)
+    for panel in panels:
         if eliminate_panel(factor, *panel):
             return None
     # not every LAPACK stops at a pivot that is not a number

@@ -16,8 +16,6 @@ from orip.geometry.similarity import fit_similarity
 from orip.mistakes.control.contradicting_control import released_control
 from orip.mistakes.ground_systems import mirrored_control, misread_control, with_multiplied_control
 from orip.mistakes.hypothesis import Hypothesis, Readjuster, finding, fit_of_adjustment, is_good
-from orip.prelim.ground import known_centres, known_points
-from orip.prelim.similarity.control_reading import other_reading
 from orip.records.block import Block
 from orip.records.ground import PlainGround
 from orip.records.photo import PHOTO_PARAMETERS
@@ -153,6 +151,9 @@ def _read_otherwise(block: Block, free: SolvedBlock) -> Iterator[Hypothesis]:
         "", np.arange(len(names.photos)), free.state.rotations, free.state.centres, np.arange(len(names.points)),
         free.state.points, spread,
     )  # fmt: skip
+    from orip.prelim.ground import known_centres, known_points  # few blocks need it
+    from orip.prelim.similarity.control_reading import other_reading
+
     centres = known_centres(block)
     reading = other_reading(partial, names, known_points(block), centres if len(centres.names) else None)
     if reading is not None and reading.changes == ("photos",):
@@ -198,6 +199,8 @@ def _matrix(reading: ControlReading | None) -> FloatArray | None:
 
 
 def _common(block: Block, free: SolvedBlock) -> _Common:
+    from orip.prelim.ground import known_points
+
     known = known_points(block)
     place = {name: row for row, name in enumerate(free.block.point_names)}
     rows = [

@@ -11,6 +11,7 @@ from orip.adjustment.factorisation.band_cholesky import factorise_band
 from orip.adjustment.factorisation.cholesky import factorise
 from orip.adjustment.factorisation.lapack import COLUMNS, effort_of, factorise_envelope, reach_of_panels, width_of
 from orip.arrays import FloatArray, IntArray
+from orip.threads import limited_threads
 
 MAX_LOST = 12.0
 
@@ -128,6 +129,26 @@ def test_columns_of_all_lengths(count: int) -> None:
     for column, end in enumerate(reach):
         assert np.allclose(inverse[column, : end - column], every[column:end, column], atol=1e-12 * np.abs(every).max())
     assert 0.0 < effort_of(reach) <= (COLUMNS + 90 + COLUMNS) ** 2 * count
+
+
+def test_a_factor_is_the_same_on_any_number_of_threads() -> None:
+    count = 6 * COLUMNS + 17  # several strips below a panel
+    random = np.random.default_rng(4)
+    reach = reach_of_panels(np.full(count, count - 1))
+    matrix = random.normal(size=(count, count))
+    matrix = matrix @ matrix.T / count + 2.0 * np.eye(count)
+    band = np.zeros((count, width_of(reach) + 1))
+    for column in range(count):
+        band[column, : count - column] = matrix[column:, column]
+    factors = []
+    for threads in (1, 2, 5):
+        with limited_threads(threads):
+            found = factorise_envelope(band, reach)
+        assert found is not None
+        factors.append([found.band[column, : count - column].tobytes() for column in range(count)])
+    assert factors[0] == factors[1] == factors[2]
+    wanted = np.linalg.cholesky(matrix)
+    assert np.allclose(np.frombuffer(b"".join(factors[0])), wanted.T[np.triu_indices(count)], rtol=1e-11, atol=1e-13)
 
 
 def test_an_envelope_that_is_not_positive_definite_has_no_factor() -> None:
