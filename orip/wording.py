@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 _MOST_COUNTED = 3
-_MOST_LISTED = 20
+_MOST_LISTED = MOST_TO_CHANGE = 20
 """A project may have thousands of photos, a reseau hundreds of crosses."""
 
 
@@ -43,7 +43,10 @@ def listed_names(names: Iterable[str]) -> str:
     return first_names(list(names), _MOST_LISTED) or "none"
 
 
-def counted_names(noun: str, names: Sequence[str]) -> str:
-    """Return names after their noun, three of them at most: ``photo 101``, ``photos 101, 102 and 103``."""
-    listed = joined(names) if len(names) <= _MOST_COUNTED else first_names(names, _MOST_COUNTED)
+def counted_names(noun: str, names: Sequence[str], most: int = _MOST_COUNTED) -> str:
+    """Return names after their noun, three of them at most: ``photo 101``, ``photos 101, 102 and 103``.
+
+    Who is to change something of each has to know all: `most` is then `MOST_TO_CHANGE`.
+    """
+    listed = joined(names) if len(names) <= most else first_names(names, most)
     return f"{agreeing(len(names), noun)} {listed}"

@@ -10,7 +10,7 @@ from typing import Literal
 from msgspec import Struct
 
 from orip.bundle.ground_system import CONTROL_LINE
-from orip.bundle.groups.words import CODE, group_name
+from orip.bundle.groups.words import CODE, EXPLAINED, group_name
 from orip.bundle.results.reliability import has_suspects
 from orip.records.results.solution import Diagnosis, Solution
 from orip.records.results.tests import NOT_DETERMINED
@@ -163,7 +163,7 @@ def _undetermined(solution: Solution) -> str:
 
 def group_findings(solution: Solution) -> list[Diagnosis]:
     """Return what the first sentence says: groups that contradict the others, the gravest first, or poor control."""
-    return [found for found in solution.diagnosis if found.code in (CODE, CONTROL_LINE)]
+    return [found for found in solution.diagnosis if found.code in (CODE, EXPLAINED, CONTROL_LINE)]
 
 
 def _decimals_that_agree(sigma0: float, test: GlobalTest) -> int:

@@ -65,6 +65,7 @@ from orip.mistakes.stations.misread_angles import misread_angles
 from orip.mistakes.stations.misread_antennas import misread_antennas
 from orip.mistakes.stations.misread_pictures import pictures_instead_of_positions
 from orip.mistakes.stations.misread_positions import HEIGHTS, misread_stations
+from orip.mistakes.stations.one_strip import one_strip_off
 from orip.mistakes.stations.two_lenses import two_lenses, two_lenses_of_photos
 from orip.mistakes.vertical_photos import misread_vertical_photos
 from orip.records.block import Block
@@ -158,7 +159,7 @@ def _of_all_stations(misfit: Misfit) -> list[ProjectWarning]:
         return found
     if found := two_lenses(misfit.solution, misfit.readjuster) or camera_instead_of_stations(misfit):
         return found
-    return read or heights_apart(misfit) or along_the_flight(misfit)
+    return read or heights_apart(misfit) or along_the_flight(misfit) or one_strip_off(misfit)
 
 
 def _with_found_orientations(readjuster: Readjuster, known: SolvedBlock | None = None) -> SolvedBlock | None:

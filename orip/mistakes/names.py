@@ -5,7 +5,9 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from itertools import count
+from string import digits
 
 import numpy as np
 
@@ -14,6 +16,7 @@ from orip.errors import ProjectWarning
 from orip.records.block import Block, IndexedPhotoPoints
 from orip.records.control import Control, ControlElement, PreliminaryPoint
 from orip.records.names import look_alikes, near_names, record_key
+from orip.records.photo import PHOTO_PARAMETERS
 from orip.wording import agreeing, counted_names, first_names, joined
 
 OTHER_SPELLING = "other-spelling"
@@ -47,7 +50,9 @@ def control_spelt_otherwise(unmeasured: Sequence[str], unknown: Iterable[str]) -
     return [ProjectWarning(OTHER_SPELLING, counted_names("control point", list(pairs)), text)]
 
 
-def stations_spelt_otherwise(unknown: Sequence[str], without_station: Iterable[str]) -> list[ProjectWarning]:
+def stations_spelt_otherwise(
+    unknown: Sequence[str], without_station: Iterable[str], file: str = ".STA"
+) -> list[ProjectWarning]:
     """Return a warning for exposure stations whose photos are named differently in the project.
 
     Parameters
@@ -56,13 +61,15 @@ def stations_spelt_otherwise(unknown: Sequence[str], without_station: Iterable[s
         Names in stations that no photo has.
     without_station : iterable of str
         Names of photos without a station.
+    file : str
+        Ending of the file of the stations.
     """
     pairs = _spelt_otherwise(unknown, without_station)
     if not pairs:
         return []
     text = (
         f"the bundle has no photos of these names, but {first_names(list(pairs.values()), _NAMED)}: the names differ "
-        f"by {_difference(pairs)} alone; write them alike in the .STA file and in orip.toml"
+        f"by {_difference(pairs)} alone; write them alike in the {file} file and in orip.toml"
     )
     return [ProjectWarning(OTHER_SPELLING, counted_names("exposure station", list(pairs)), text)]
 
@@ -200,17 +207,25 @@ def _warn_of_other_spellings(block: Block, control: Control) -> tuple[list[Proje
     unmeasured = [point.name for point in control.points if point.name not in measured]
     photos = {record_key(photo.name): photo.name for photo in block.photos}
     of_stations = {record_key(station.photo) for station in control.stations}
+    in_elements = list(dict.fromkeys(element.name for element in control.elements if element.group == "PHOTO"))
+    of_elements = {record_key(name) for name in in_elements}
     points = unmeasured, [name for name in block.point_names if name not in given]
     stations = (
         [station.photo for station in control.stations if record_key(station.photo) not in photos],
         [name for key, name in photos.items() if key not in of_stations],
     )
+    elements = (
+        [name for name in in_elements if record_key(name) not in photos],
+        [name for key, name in photos.items() if key not in of_elements],
+    )
     pairs = _spelt_otherwise(*points)
     none_measured = not pairs and len(unmeasured) >= _FEWEST_OF_FILE and len(unmeasured) == len(control.points)
     told = {f"control point {name}" for name in (unmeasured if none_measured else pairs)}
     told |= {f"exposure station {name}" for name in _spelt_otherwise(*stations)}
+    told |= {f"element PHOTO {name} {kind}" for name in _spelt_otherwise(*elements) for kind in PHOTO_PARAMETERS}
     of_points = [_of_other_names(*points)] if none_measured else control_spelt_otherwise(*points)
-    return [*of_points, *stations_spelt_otherwise(*stations)], told
+    of_photos = [*stations_spelt_otherwise(*stations), *stations_spelt_otherwise(*elements, ".ELE")]
+    return [*of_points, *of_photos], told
 
 
 _FEWEST_OF_FILE = 3
@@ -219,6 +234,10 @@ _FEWEST_OF_FILE = 3
 
 def _of_other_names(unmeasured: Sequence[str], measured: Iterable[str]) -> ProjectWarning:
     """Return a warning that no control point is measured; the names without a like are probably those of the marks."""
+    if prefix := _prefix(unmeasured, set(measured)):
+        text = f"are not measured in any photo: the names differ by '{prefix}' at the beginning alone; write them alike"
+        text = f"{text} in control file and measurements"
+        return ProjectWarning(OTHER_SPELLING, counted_names("control point", unmeasured), text)
     prefixes = Counter(name.rstrip("0123456789") for name in measured)
     # there are fewer marks than other points
     shown = sorted(measured, key=lambda name: prefixes[name.rstrip("0123456789")])
@@ -227,6 +246,17 @@ def _of_other_names(unmeasured: Sequence[str], measured: Iterable[str]) -> Proje
         f"called {first_names(shown, _NAMED)}; write the names of control points alike in both"
     )
     return ProjectWarning(OTHER_SPELLING, counted_names("control point", unmeasured), text)
+
+
+def _prefix(unmeasured: Sequence[str], measured: AbstractSet[str]) -> str:
+    """Return what all names begin with on one side alone; a digit is none, as numbers of other points have it."""
+    for prefix in sorted({name.rstrip(digits) for name in unmeasured}):
+        if prefix and all(name.startswith(prefix) and name[len(prefix) :] in measured for name in unmeasured):
+            return prefix
+    for prefix in sorted({name.rstrip(digits) for name in measured}):
+        if prefix and all(f"{prefix}{name}" in measured for name in unmeasured):
+            return prefix
+    return ""
 
 
 def _first_of_each_code(warnings: Sequence[ProjectWarning]) -> Iterator[ProjectWarning]:

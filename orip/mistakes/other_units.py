@@ -168,8 +168,8 @@ _UNITS = {"mm": (_MILLI, 10.0), "cm": (10.0 * _MILLI, 3.0)}
 """Units that errors are written in, with the factor up to which residuals may be larger than errors in them: they have
 the errors of the photos as well. A factor of ten is another unit, where that is possible."""
 
-_ON_THE_GROUND = (1e-3, 0.3)
-"""Ground units (metres): errors of what is surveyed."""
+_ON_THE_GROUND = (1e-4, 0.3)
+"""Ground units (metres): errors of what is surveyed, on a machine or a landscape."""
 
 
 def _unit_of_errors(solution: Solution, kind: str, factor: float, components: Collection[str] = ()) -> str:

@@ -87,8 +87,12 @@ def contradicting_ground_systems(control: Control, given: FloatArray) -> list[Pr
         _exchanged(points, places, other, file),
         _grids(points, places, other),
     )
-    tried = ((_apart(read, photos), text) for read, photos, text in readings if np.isfinite(read).all())
-    apart, text = min(tried, key=lambda found: found[0] if np.isfinite(found[0]) else np.inf)
+    tried = (
+        (_apart(read, photos), text)
+        for read, photos, text in readings
+        if np.isfinite(read).all() and _are_of_one_block(read, photos)
+    )
+    apart, text = min(tried, key=lambda found: found[0] if np.isfinite(found[0]) else np.inf, default=(np.inf, ""))
     return [ProjectWarning(GROUND_SYSTEM, where, text)] if apart < _NEAR else []
 
 
@@ -110,7 +114,7 @@ def _degrees(points: FloatArray, places: FloatArray, file: str) -> str:
         is_length = bool((np.abs(np.median(others, axis=0)) > _ANGLES.max()).any())
         if not (are_angles and is_length and 0.0 < extent < _LARGEST_AREA and other > 0.0):
             continue
-        if abs(np.log(extent * _METRES_PER_DEGREE / other)) > np.log(_OF_ONE_BLOCK):
+        if not _is_like(extent * _METRES_PER_DEGREE, other):
             continue
         x, y = np.median(concerned, axis=0).tolist()
         northing = float(np.median(others[:, 1]))
@@ -139,6 +143,16 @@ def _apart(points: FloatArray, places: FloatArray) -> float:
     """Return the distance of the middles of points and places over the larger extent of the two."""
     extent = max(float(np.ptp(points, axis=0).max()), float(np.ptp(places, axis=0).max()), 1e-9)
     return float(np.linalg.norm(np.median(points, axis=0) - np.median(places, axis=0))) / extent
+
+
+def _are_of_one_block(points: FloatArray, places: FloatArray) -> bool:
+    """Tell whether the extents of points and places are those of one block; of a single point nothing is known."""
+    extents = [float(np.ptp(which, axis=0).max()) for which in (points, places)]
+    return min(extents) == 0.0 or _is_like(*extents)
+
+
+def _is_like(extent: float, other: float) -> bool:
+    return bool(abs(np.log(extent / other)) < np.log(_OF_ONE_BLOCK))
 
 
 def _units(points: FloatArray, places: FloatArray, other: str) -> Iterator[Reading]:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 from msgspec import Struct
 
-from orip.bundle.groups.words import FIRST_CORRECT, probability_in_words
+from orip.bundle.groups.words import EXPLAINED, probability_in_words
 from orip.bundle.verdict import MISTAKE, Level, Untested, group_findings, headline, sigma0_finding, sigma0_test
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.results.solution import Solution
@@ -190,7 +190,7 @@ def _misfits(
         return
     level: Level = "bad" if solution.status == "doubtful" else "caution"
     do_not_fit = f"{counted(len(found), 'observation')} {agreeing(len(found), 'does', 'do')} not fit"
-    if any(finding.remedy.startswith(FIRST_CORRECT) for finding in solution.diagnosis):
+    if any(finding.code == EXPLAINED for finding in solution.diagnosis):
         yield SummaryLine("misfit", f"{do_not_fit}; look at them after what the warning says is corrected", level)
         return
     title = f"{do_not_fit}; check names, measure again, or disregard"

@@ -39,7 +39,7 @@ from orip.mistakes.stations.contradicting_positions import SCATTERED, SHORT_TEXT
 from orip.mistakes.stations.misread_angles import CODE as ANGLES
 from orip.mistakes.stations.misread_antennas import SHORT_TEXTS_OF_ANTENNAS
 from orip.mistakes.stations.misread_pictures import OF_PICTURES
-from orip.mistakes.stations.misread_positions import SHORT_TEXTS_OF_STATIONS
+from orip.mistakes.stations.misread_positions import HEIGHT_OFFSET, SHORT_TEXTS_OF_STATIONS
 from orip.mistakes.stations.strips import MOVED
 from orip.mistakes.stations.two_lenses import TWO_LENSES
 from orip.mistakes.two_systems import SHORT_TEXTS_OF_SYSTEMS
@@ -121,7 +121,9 @@ CONSEQUENCES: tuple[Consequence, ...] = (
         (TOO_SMALL,), warnings=(SCATTERED, POSITION, CONTROL, PRECISION, REPLACED), groups=(*_GROUND, "check point")
     ),
     Consequence((POSITION,), warnings=(REPLACED,)),
-    Consequence(SHORT_TEXTS_OF_POSITIONS, warnings=(REPLACED, *_OF_START), groups=_GROUND),
+    # a held camera takes up what it can of positions and heights that are off alike
+    Consequence(SHORT_TEXTS_OF_POSITIONS, warnings=(REPLACED, *_OF_START), groups=(*_GROUND, "camera")),
+    Consequence((HEIGHT_OFFSET,), groups=("camera",)),
     # marks that are wrong bend the pictures
     Consequence(MARKS, warnings=None, groups=(*_GROUND, "check point", "distance", "camera", "photo")),
     # what explains a picture explains its points

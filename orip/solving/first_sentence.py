@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from orip.bundle.groups.words import CODE as CONTRADICTION
-from orip.bundle.groups.words import FIRST_CORRECT
+from orip.bundle.groups.words import EXPLAINED
 from orip.bundle.verdict import MISTAKE
 from orip.errors import UNREAD_FILE, ProjectWarning
 from orip.mistakes.camera_values import OF_READOUT_TIMES, READOUT_TIME
@@ -59,7 +59,7 @@ def judged(
 ) -> Solution:
     """Return a solution with what its first sentence has of the warnings; one that fits, and is wrong, is doubtful."""
     wrong = [
-        Diagnosis(CONTRADICTION, found.where, WRONG[found.code], f"{FIRST_CORRECT} it as the warning says")
+        Diagnosis(EXPLAINED, found.where, WRONG[found.code], "first correct it as the warning says")
         for found in (*mistaken, *gathered)
         if found.code in WRONG
     ]
@@ -111,7 +111,7 @@ def _after_causes(solution: Solution, mistaken: Sequence[ProjectWarning]) -> tup
     if contradictions and contradictions[0].where in causes and contradictions[0].where.startswith(_CONTROL_POINT):
         return tuple(found for found in solution.diagnosis if found.code != CONTRADICTION)
     return tuple(
-        replace(found, remedy=f"{FIRST_CORRECT} the {found.where} as the warning says")
+        replace(found, code=EXPLAINED, remedy=f"first correct the {found.where} as the warning says")
         if found.code == CONTRADICTION and found.where in causes
         else found
         for found in solution.diagnosis

@@ -91,6 +91,11 @@ def test_a_folder_without_a_project(tmp_path: Path, command: str) -> None:
     assert "go to the project's folder, name it with -C DIR, or begin with a sample" in said.err
 
 
+def test_a_project_in_the_folder_is_named(tmp_path: Path) -> None:
+    assert orip(tmp_path, "init", "cliff").code == 0
+    assert "this is not an orip project, but cliff in it is; go to the project's folder" in orip(tmp_path, "run").err
+
+
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_has_help_with_an_example(project: Path, command: str) -> None:
     said = orip(project, command, "--help")

@@ -105,7 +105,7 @@ def test_a_position_with_a_slip_is_named_with_its_component_and_file(tmp_path: P
 def test_positions_off_alike_are_one_complaint(tmp_path: Path, ending: str) -> None:
     said = told(tmp_path / "folder", ending, PLACES + np.outer(np.arange(12) < 4, [0.0, 1.83, 0.0]))
     (line,) = warnings(said)
-    assert "exposure stations P1, P2, P3 and 1 more: their positions contradict the block, and are all off by Y" in line
+    assert "exposure stations P1, P2, P3 and P4: their positions contradict the block, and are all off by Y" in line
     assert f"correct them in the .{ending} file" in line
 
 

@@ -11,7 +11,7 @@ import pytest
 from report.sample_pages import SAMPLES, Page, sample
 from scipy import stats
 
-from orip.bundle.groups.words import CODE
+from orip.bundle.groups.words import CODE, EXPLAINED
 from orip.bundle.results.reliability import suspect_rows, suspicious_w
 from orip.files.listings.errors import error_listing_lines
 from orip.records.results.solution import Blunder, Diagnosis, Estimates, Residuals, SingularUnknown, Solution
@@ -184,6 +184,16 @@ def with_normalised_residuals(w: np.ndarray) -> Solution:
         ("photo",) * len(w), names, names, ("x",) * len(w), w, w, ones, np.abs(w), ones, ones, np.abs(w)
     )
     return replace(sample(SAMPLES[0]).solution, residuals=of_photos, redundancy=1_000_000)
+
+
+@pytest.mark.parametrize(("code", "listed"), [(CODE, True), (EXPLAINED, False)])
+def test_misfits_are_not_listed_where_a_warning_names_the_cause(code: str, listed: bool) -> None:
+    found = Diagnosis(code, "exposure stations", "all are off by about +1.0 m", "first correct them")
+    solution = replace(with_normalised_residuals(np.r_[np.zeros(99), 9.0]), diagnosis=(found,))
+    lines = summary_of(solution)
+    assert lines[0].text.startswith("converged, but all are off")
+    assert ("measure again" in under(lines, "misfit")) is listed
+    assert ("look at them after" in under(lines, "misfit")) is not listed
 
 
 def test_what_is_listed_as_misfitting_follows_the_number_of_observations() -> None:

@@ -32,8 +32,8 @@ from orip.wording import joined
 CODE = "group"
 """Of the diagnoses of contradicting groups; the gravest comes first."""
 
-FIRST_CORRECT = "first correct"
-"""How a remedy begins that a warning gives: all else is looked at after it."""
+EXPLAINED = "explained-group"
+"""Of those whose cause a warning names: all else is looked at after that is corrected."""
 
 _KINDS: dict[str, ObservationKind] = {
     "photo": PHOTO_POINT,
@@ -303,6 +303,8 @@ def _remedy(found: Contradiction, ground_unit: str) -> str:
             f"set lever_arm = [{arm}] in [[antenna]] of orip.toml; or check the principal point of the camera, which "
             f"shifts photos alike; or {_REMEDIES[group.kind]}"
         )
+    if found.what == "shift" and group.kind == "element" and group.of == "PHOTO":
+        return f"take that off in the .ELE file, if the system or the antenna explains it; or {_REMEDIES[group.kind]}"
     if found.extent == "all" and group.kind == "station":
         return f'set shift = "session" in [[antenna]] of orip.toml; or {_REMEDIES[group.kind]}'
     if found.common and group.kind == "station":

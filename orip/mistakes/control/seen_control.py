@@ -31,19 +31,23 @@ from orip.records.ground import PlainGround
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.results.solution import Solution
 from orip.structs import replace
-from orip.wording import counted_names
+from orip.units import METRES_PER_GROUND_UNIT
+from orip.wording import MOST_TO_CHANGE, counted_names
 
 EXCHANGED_CONTROL, CONTROL_HEIGHTS, SOME_HEIGHTS = "exchanged-control", "control-heights", "heights-of-some"
 
 SHORT_TEXTS_OF_CONTROL = {
     EXCHANGED_CONTROL: "two control points are exchanged",
-    SOME_HEIGHTS: "some control points have heights of another system",
+    SOME_HEIGHTS: "the heights of some control points are off alike",
     CONTROL_HEIGHTS: "Z of the control fits only if it is read otherwise",
 }
 """What the status says of the block, by the code of the warning."""
 
 _FEWEST, _MOST = 4, 24
 """Least number of points that show which of them is wrong, and the most of which pairs are tried."""
+
+_LONGEST_POLE = 5.0
+"""Metres: more is no pole."""
 
 _LOOKS_UP = -0.5
 """Mean cosine from which photos look up at the control: what is said of it then is said elsewhere."""
@@ -130,7 +134,7 @@ def misread_control_points(misfit: Misfit) -> list[ProjectWarning]:
     if as_given is not None and as_given.fits:
         return []
     cost = np.inf if as_given is None else as_given.cost
-    tried = [found for change in _changes(seen) if (found := _fitted(seen, change)) is not None]
+    tried = [found for change in _changes(seen, as_given) if (found := _fitted(seen, change)) is not None]
     tried = [found for found in tried if found.fits and cost - found.score > DECIDED]
     if not tried:
         return []
@@ -277,11 +281,12 @@ def _as_given(seen: _Seen) -> _Change:
     return _Change(seen.given, np.zeros(seen.given.shape, dtype=bool), 0.0, (), 1.0)
 
 
-def _changes(seen: _Seen) -> Iterator[_Change]:
-    """Yield what may have been mistaken: names of two, axes or coordinates of one, heights of all."""
+def _changes(seen: _Seen, as_given: _Fitted | None) -> Iterator[_Change]:
+    """Yield what may have been mistaken: names of two, axes or coordinates of one, heights of some or of all."""
     given = _as_given(seen)
     rows = range(len(seen.names))
-    for chosen in (pair for number in (2, 3) for pair in combinations(rows, number) if len(rows) > 2 * number):
+    some = [chosen for number in (2, 3) for chosen in combinations(rows, number) if len(rows) > 2 * number]
+    for chosen in (*some, *_highest_and_lowest(as_given)):
         left_out = given.left_out.copy()
         left_out[list(chosen), 2] = True
         yield given._replace(left_out=left_out, price=_OF_ONE * len(chosen), points=chosen)
@@ -299,6 +304,17 @@ def _changes(seen: _Seen) -> Iterator[_Change]:
             yield given._replace(left_out=left_out, price=_OF_ONE * len(axes), points=(row,))
     for factor in (-1.0, *FEET_AND_METRES):
         yield given._replace(meant=seen.given * [1.0, 1.0, factor], price=_OF_ALL, factor=factor)
+
+
+def _highest_and_lowest(as_given: _Fitted | None) -> Iterator[tuple[int, ...]]:
+    """Yield the points that are given highest above the network, or farthest below it: four of them, or more."""
+    if as_given is None:
+        return
+    off = as_given.change.meant[:, 2] - as_given.placed[:, 2]
+    order = np.argsort(off)[: np.count_nonzero(np.isfinite(off))].tolist()
+    for number in range(4, (len(order) + 1) // 2):
+        yield tuple(sorted(order[:number]))
+        yield tuple(sorted(order[-number:]))
 
 
 # -------------------------------------------------------------------------------------------------------------- texts
@@ -341,18 +357,22 @@ def _of_heights(factor: float) -> ProjectWarning:
 
 
 def _of_other_heights(block: Block, seen: _Seen, best: _Fitted) -> list[ProjectWarning]:
-    """Return that some points have heights of another system, if these are off alike."""
+    """Return that the heights of some points are off alike, if they are."""
     rows = list(best.change.points)
     off, sd = seen.given[rows, 2] - best.placed[rows, 2], best.sd[rows, 2]
     by = float(np.mean(off))
     if np.abs(off - by).max() > _CHANCE * _OPTIMISTIC * float(sd.max()):
         return []
-    text = (
-        f"they alone are given about {abs(by):.2f} {block.ground_unit} too {'high' if by > 0.0 else 'low'} in Z: their "
-        "heights are probably in another system (above the ellipsoid, above the geoid), or are those of another pole; "
-        "take all heights from one system"
+    is_pole = abs(by) * METRES_PER_GROUND_UNIT.get(block.ground_unit, np.inf) < _LONGEST_POLE
+    cause = (
+        "the height of the pole or the instrument was probably not taken off, or taken off twice; correct Z of these"
+        if is_pole
+        else "their heights are probably in another system (above the ellipsoid, above the geoid); take all from one"
     )
-    return [ProjectWarning(SOME_HEIGHTS, counted_names("control point", [seen.names[row] for row in rows]), text)]
+    side = "high" if by > 0.0 else "low"
+    text = f"they alone are given about {abs(by):.2f} {block.ground_unit} too {side} in Z: {cause}"
+    where = counted_names("control point", [seen.names[row] for row in rows], MOST_TO_CHANGE)
+    return [ProjectWarning(SOME_HEIGHTS, where, text)]
 
 
 def _of_exchange(block: Block, one: str, other: str) -> ProjectWarning:

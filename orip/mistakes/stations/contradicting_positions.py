@@ -17,7 +17,7 @@ from orip.records.block import Block
 from orip.records.coded_names import coded
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.results.solution import Solution
-from orip.wording import counted_names
+from orip.wording import MOST_TO_CHANGE, counted_names
 
 _DOUBTED, _ERRORS = 0.5, 5.0
 """Weight factor below which a position hardly influenced the result, and standard residual from which it is wrong."""
@@ -189,10 +189,20 @@ def part_of_flight_elsewhere(elsewhere: Solution, block: Block) -> list[ProjectW
     return [] if part is None else [part]
 
 
+def alike_elsewhere(elsewhere: Solution, block: Block, photos: Sequence[str]) -> list[ProjectWarning]:
+    """Return that the positions of some photos are all off alike, from an adjustment without them."""
+    place = {name: row for row, name in enumerate(elsewhere.photos.names)}
+    given = given_positions(block)
+    rows = [row for row, name in enumerate(given.photos) if name in photos and name in place]
+    alike = _off_alike([_elsewhere(elsewhere, place[given.photos[row]], given, row) for row in rows], block.ground_unit)
+    return [] if alike is None else [alike]
+
+
 def _elsewhere(elsewhere: Solution, photo: int, given: GivenPositions, row: int) -> _Position:
     found, sd = elsewhere.photos.values[photo, :3], np.nan_to_num(elsewhere.photos.sd[photo, :3])
-    errors = given.errors[row]
-    return _Position(given.photos[row], given.file, PLACES, given.given[row], found, np.hypot(errors, sd), errors, True)
+    errors, components = given.errors[row], PLACES if given.file == ".ELE" else tuple("XYZ")
+    error = np.hypot(errors, sd)
+    return _Position(given.photos[row], given.file, components, given.given[row], found, error, errors, True)
 
 
 def _beginning_of_part(off: FloatArray, error: FloatArray) -> int:
@@ -290,7 +300,11 @@ def _off_alike(wrong: Sequence[_Position], ground_unit: str) -> ProjectWarning |
             '; or give them a strip of their own there (the last field of their lines) and set shift = "strip" and '
             "strips = its name in [[antenna]] of orip.toml"
         )
-    return ProjectWarning(OFF_ALIKE, counted_names("exposure station", [position.photo for position in wrong]), text)
+    return ProjectWarning(OFF_ALIKE, _named(wrong), text)
+
+
+def _named(wrong: Sequence[_Position]) -> str:
+    return counted_names("exposure station", [position.photo for position in wrong], MOST_TO_CHANGE)
 
 
 def _shifts_of_strips(solution: Solution) -> list[dict[str, float]]:
@@ -334,7 +348,7 @@ def _without_fix(wrong: Sequence[_Position], ground_unit: str) -> ProjectWarning
         f"had a fix there: correct them in the {wrong[0].file} file, or make their errors negative (then they are only "
         "compared)"
     )
-    return ProjectWarning(CODE, counted_names("exposure station", [position.photo for position in wrong]), text)
+    return ProjectWarning(CODE, _named(wrong), text)
 
 
 def _contradiction(position: _Position, ground_unit: str) -> tuple[ProjectWarning, bool]:

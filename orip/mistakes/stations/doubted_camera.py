@@ -26,6 +26,7 @@ from orip.mistakes.exchanged_photos import other_cameras
 from orip.mistakes.hypothesis import DECIDED, Hypothesis, Misfit, Readjuster, fit_of_adjustment, is_good
 from orip.records.block import Block
 from orip.records.control import NOT_GIVEN
+from orip.records.names import record_key
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.results.solution import Solution
 from orip.structs import replace
@@ -103,7 +104,7 @@ def _best(
     found: list[ProjectWarning] = []
     for hypothesis in hypotheses:
         tried = readjuster.adjust(hypothesis.block)
-        if tried is None or not (is_better(tried, solved) and _fits_positions(tried, without)):
+        if tried is None or not (is_better(tried, solved) and fits_positions(tried, without)):
             continue
         cost = tried.weighing.cost(tried.equations)
         if cost < best:
@@ -146,11 +147,17 @@ def _from_solved(block: Block, solved: SolvedBlock) -> Block:
     return replace(block, photo_orientation=orientation)
 
 
-def without_positions(block: Block) -> Block:
-    """Return a block without observed positions of photos."""
-    stations = tuple(replace(station, position=NOT_GIVEN, position_error=NOT_GIVEN) for station in block.stations)
+def without_positions(block: Block, photos: Iterable[str] | None = None) -> Block:
+    """Return a block without the observed positions of some photos, or of all."""
+    keys = {record_key(name) for name in ([photo.name for photo in block.photos] if photos is None else photos)}
+    stations = tuple(
+        replace(station, position=NOT_GIVEN, position_error=NOT_GIVEN) if record_key(station.photo) in keys else station
+        for station in block.stations
+    )
     elements = tuple(
-        element for element in block.elements if not (element.group == "PHOTO" and element.kind in _PLACES)
+        element
+        for element in block.elements
+        if not (element.group == "PHOTO" and element.kind in _PLACES and record_key(element.name) in keys)
     )
     return replace(block, stations=stations, elements=elements)
 
@@ -161,7 +168,7 @@ def is_better(tried: SolvedBlock, solved: SolvedBlock) -> bool:
     return tried.converged and bool(weighing.cost(solved.equations) - weighing.cost(tried.equations) > DECIDED)
 
 
-def _fits_positions(tried: SolvedBlock, without: SolvedBlock | None) -> bool:
+def fits_positions(tried: SolvedBlock, without: SolvedBlock | None) -> bool:
     """Tell whether the positions add no more to the sum of squares than chance does."""
     if without is None or not is_good(fit_of_adjustment(tried)):
         return False

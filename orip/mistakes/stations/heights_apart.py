@@ -27,7 +27,7 @@ _LEAST, _MOST = 0.3, 10.0
 """Metres: less is in the errors, more a system of heights."""
 
 _ARM = 3.0
-"""Metres that an antenna is above its camera at most: stations that are too high by less have a lever arm."""
+"""Metres that an antenna is above its camera at most: stations that are too high by less may be those of it."""
 
 _ALIKE = 0.2
 """Spread of the differences, as a part of their median, at most."""
@@ -46,7 +46,9 @@ def heights_apart(misfit: Misfit) -> list[ProjectWarning]:
     if len(off) < _FEWEST:
         return []
     by = float(np.median(off))
-    if not ((by > _LEAST or -by > _ARM) and abs(by) < _MOST and float(np.median(np.abs(off - by))) < _ALIKE * abs(by)):
+    if block.stations and -_ARM <= by < 0.0:
+        return []  # an antenna has unknowns of its own, and its group names them
+    if not (_LEAST < abs(by) < _MOST and float(np.median(np.abs(off - by))) < _ALIKE * abs(by)):
         return []
     tried = misfit.readjuster.adjust(_with_heights(block, by))
     if tried is None or not (is_better(tried, misfit.solved) and is_good(fit_of_adjustment(tried))):
@@ -60,7 +62,7 @@ def _heights_or_camera(shifted: SolvedBlock, readjuster: Readjuster, by: float) 
     """Return that a held principal distance is wrong, if all fits as well with another one as with other heights.
 
     That takes nothing from what was surveyed; a difference of heights is said only where it alone explains the block.
-    Where a principal distance explains it that hardly differs, either may be wrong, and the groups say so.
+    Where a principal distance explains it that hardly differs, either may be wrong, and both are named.
     """
     block = readjuster.block
     cost = shifted.weighing.cost(shifted.equations)
@@ -70,8 +72,10 @@ def _heights_or_camera(shifted: SolvedBlock, readjuster: Readjuster, by: float) 
         for hypothesis in other_principal_distance(block, row):
             tried = readjuster.adjust(hypothesis.block)
             if tried is not None and tried.converged and tried.weighing.cost(tried.equations) < cost + DECIDED:
-                differs = abs(float(tried.state.cameras[row, 0]) / camera.parameters[0] - 1.0) > OF_LENSES
-                return hypothesis.findings(tried) if differs else []
+                other = float(tried.state.cameras[row, 0])
+                if abs(other / camera.parameters[0] - 1.0) > OF_LENSES:
+                    return hypothesis.findings(tried)
+                return [_warning(block, by, other)]
     return [_warning(block, by)]
 
 
@@ -102,17 +106,24 @@ def _heights_off(block: Block, free: SolvedBlock) -> FloatArray:
     )
 
 
-def _warning(block: Block, by: float) -> ProjectWarning:
+def _warning(block: Block, by: float, other: float | None = None) -> ProjectWarning:
+    """Return the warning; `other` is the principal distance with which all fits as well."""
     names = [point.name for point in block.control_points if point.kind == "control"]
+    mend = "correct Z of the control (or of the stations), or use one system of heights"
     if by > 0.0:
-        side, cause = "high", "the height of the pole or the instrument above the mark was probably not taken off"
+        cause = "the height of the pole or the instrument above the mark was probably not taken off"
+    elif by < -_ARM:
+        cause = "the height of the pole was probably taken off twice, or that of an antenna added"
     else:
-        side, cause = "low", "the height of the pole was probably taken off twice, or that of an antenna added"
+        cause = "the stations are probably those of an antenna above the camera, or a pole was taken off twice"
+        mend = "correct Z of the stations, or of the control"
+    size = f"{abs(by):.{1 if abs(by) > 1.0 else 2}f} m"
     text = (
-        f"their heights are all about {abs(by):.1f} m too {side}, compared with those of the exposure stations, and "
-        f"all fits with {-by:+.1f} m: {cause}; correct Z of the control (or of the stations), or use one system of "
-        "heights"
+        f"their heights are all about {size} too {'high' if by > 0.0 else 'low'}, compared with those of the exposure "
+        f"stations, and all fits with {'-' if by > 0.0 else '+'}{size}: {cause}; {mend}"
     )
     held = [camera.name for camera in block.cameras if "C" not in camera.unknown]
-    text += f'; if the heights are right, C of camera {held[0]} is wrong: set unknown = ["C"]' if held else ""
+    if held:
+        fits = "is wrong" if other is None else f"is wrong, and all fits with C = {other:.6g} mm as well"
+        text += f'; if the heights are right, C of camera {held[0]} {fits}: set unknown = ["C"]'
     return ProjectWarning(HEIGHT_OFFSET, counted_names("control point", names), text)

@@ -21,7 +21,7 @@ from orip.structs import replace
 # The block has to fit without them: they lost their weight, and control shows where the photos are.
 
 ORDER, HEIGHTS, AXES, UNIT = "station-order", "station-heights", "station-axes", "station-unit"
-SHORTENED, HEIGHT_OFFSET = "shortened-coordinates", "height-offset"
+SHORTENED, LOCAL, HEIGHT_OFFSET = "shortened-coordinates", "local-system", "height-offset"
 
 SHORT_TEXTS_OF_STATIONS = {
     ORDER: "positions of photos stand under the names of others",
@@ -30,6 +30,7 @@ SHORT_TEXTS_OF_STATIONS = {
     UNIT: "the stations are in another unit than the control",
     HEIGHT_OFFSET: "the heights of the control and of the stations differ by a constant",
     SHORTENED: "leading digits are missing in the stations or the control",
+    LOCAL: "the stations or the control are in a local system",
 }
 """What the status says of the block, by the code of the warning."""
 
@@ -211,25 +212,33 @@ _ROUND, _SHORT = 1000.0, 5.0
 
 
 def _shortened(block: Block, observed: _Observed) -> Iterator[tuple[str, str]]:
-    """Yield that the leading digits of X and Y were left out, of the positions or of the control."""
+    """Yield that the leading digits of X and Y were left out, of the positions or of the control, or the origin."""
     off = observed.given - observed.found
     middle = np.median(off, axis=0)
     round_off = _ROUND * np.round(middle / _ROUND)
-    is_alike = (np.median(np.abs(off - middle), axis=0) < _SHORT).all() and (np.abs(middle - round_off) < _SHORT).all()
-    if block.ground_unit != "m" or not is_alike or round_off[2] != 0.0 or not round_off.any():
+    is_alike = (np.median(np.abs(off - middle), axis=0) < _SHORT).all() and abs(float(middle[2])) < _SHORT
+    if block.ground_unit != "m" or not is_alike or not round_off.any():
         return
+    is_round = bool((np.abs(middle - round_off) < _SHORT).all())
+    round_off = round_off if is_round else np.where(round_off == 0.0, 0.0, middle)
     axes = np.flatnonzero(round_off)
     longer, shorter = np.abs(observed.given), np.abs(observed.found)
     is_control = bool((np.median(longer, axis=0) > np.median(shorter, axis=0))[axes].all())
     short, whole = ("the control", "the positions") if is_control else ("the positions", "the control")
     added = " and ".join(
-        f"{round_off[axis] if is_control else -round_off[axis]:+.0f} to {'XYZ'[axis]}" for axis in axes.tolist()
+        f"{round_off[axis] if is_control else -round_off[axis]:+.{0 if is_round else 2}f} to {'XYZ'[axis]}"
+        for axis in axes.tolist()
+    )
+    code, differ, cause = (
+        (SHORTENED, "whole thousands", f"where leading digits were left out of {short}")
+        if is_round
+        else (LOCAL, "a constant", f"where {short} {'is' if is_control else 'are'} in a local system")
     )
     text = (
-        f"they and the control differ by whole thousands, as where leading digits were left out of {short}: write "
-        f"whole coordinates there, as in {whole}: add {added}"
+        f"they and the control differ by {differ}, as {cause}: write whole coordinates there, as in {whole}: add "
+        f"{added}"
     )
-    yield SHORTENED, text
+    yield code, text
 
 
 def _read(observed: _Observed) -> Iterator[tuple[str, str]]:

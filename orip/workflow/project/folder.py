@@ -20,6 +20,7 @@ from orip.files.text.regular_file import file_digest
 from orip.records.definition import BundleDefinition, ProjectDefinition
 from orip.records.names import record_key
 from orip.structs import replace
+from orip.wording import agreeing, first_names
 
 if TYPE_CHECKING:
     from orip.records.results.solution import Solution
@@ -280,6 +281,8 @@ def open_project(folder: Path) -> ProjectFolder:
         raise NoFolderError(message)
     if not path.exists():
         message = f"there is no {PROJECT_FILE} in {folder.resolve()}: this is not an orip project"
+        if inside := sorted(found.parent.name for found in folder.glob(f"*/{PROJECT_FILE}")):
+            message += f", but {first_names(inside, 3)} in it {agreeing(len(inside), 'is', 'are')}"
         raise NoProjectError.single(message)
     parsed = read_project(path, PROJECT_FILE)
     if parsed.complaints or parsed.value is None:

@@ -60,6 +60,11 @@ MISREAD: dict[str, tuple[Change, str, str]] = {
         "left out of the positions: write whole coordinates there, as in the control: add +500000 to X and +5900000",
         "leading digits are missing",
     ),
+    "local system": (
+        lambda places: places - [563412.3, 5933128.7, 0.0],
+        "the positions are in a local system: write whole coordinates there, as in the control: add +563412.",
+        "are in a local system",
+    ),
     "depths": (lambda places: places * [1.0, 1.0, -1.0], "Z has the opposite sign", "the axes of the stations"),
 }  # fmt: skip
 """How positions are changed, words of the first line that is said of it, and of the status."""

@@ -57,6 +57,17 @@ def heights_of_two(project: advice.Project) -> None:
         project.control[name] = raised(38.4)(project.control[name])
 
 
+def heights_of_some(project: advice.Project) -> None:
+    for name in ("10", "44", "70"):
+        project.control[name] = raised(1.7)(project.control[name])
+
+
+def a_bent_strip(project: advice.Project) -> None:
+    for name in ("P5", "P6", "P7", "P8"):
+        project.positions[name] = project.positions[name] + np.array([0.0, 0.8, -0.3])
+    project.position_errors = {name: np.full(3, 0.12) for name in project.positions}
+
+
 SAID: dict[str, tuple[Making, tuple[str, ...]]] = {
     "control in millimetres": (changed("control", lambda xyz: 1000.0 * xyz), ("multiplied by 0.001", "millimetres")),
     "positions in centimetres": (changed("positions", lambda xyz: 100.0 * xyz), ("multiplied by 100", "centimetres")),
@@ -71,6 +82,9 @@ SAID: dict[str, tuple[Making, tuple[str, ...]]] = {
     "positions without a fix": (scattered(1.6), ("scatter by", "RTK", "write errors of about")),
     "positions of other photos": (scattered(600.0), ("those of other photos", "match")),
     "another base station": (of_another_base, ("from P6 to P12", "base station", "correct them")),
+    "another pole": (heights_of_some, ("control points 10, 44 and 70", "1.7", "pole", "correct Z of these")),
+    "a strip in which no position loses its weight": (
+        a_bent_strip, ("exposure stations P5, P6, P7 and P8", "off by Y", "errors negative")),
     "heights of two points": (heights_of_two, ("control points 14 and 70", "38.4", "system")),
 }  # fmt: skip
 """What is made, and words of what is said first."""
@@ -220,12 +234,19 @@ def test_distances_of_a_project_that_was_renamed_are_named(tmp_path: Path) -> No
     assert "rename it to CLIFF.LEN" in first
 
 
-def test_control_of_other_names_is_said_with_the_names_that_are_measured(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("form", "words"),
+    [
+        ("GCP_{}", "the names differ by 'GCP_' at the beginning alone"),
+        ("{}_N", "no name of the control file is one of the measurements"),
+    ],
+)
+def test_control_of_other_names_is_said_with_the_names_that_are_measured(tmp_path: Path, form: str, words: str) -> None:
     project = advice.sound("STA", 5)
     for rows in ("control", "control_errors"):
-        setattr(project, rows, {f"GCP_{name}": xyz for name, xyz in getattr(project, rows).items()})
+        setattr(project, rows, {form.format(name): xyz for name, xyz in getattr(project, rows).items()})
     first = said_first(orip(project.write(tmp_path / "block"), "run", "--no-report"))
-    assert "no name of the control file is one of the measurements" in first, first
+    assert words in first, first
 
 
 def test_points_of_figures_that_are_not_measured_are_one_line(tmp_path: Path) -> None:

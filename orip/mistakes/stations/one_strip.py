@@ -1,0 +1,75 @@
+"""A strip whose positions are all off alike, which no strips of the file tell apart.
+
+Photos that hardly see beyond their strip follow their positions: the block bends, and no single position loses its
+weight. Each strip of the flight is then tried without its positions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from orip.arrays import FloatArray
+from orip.bundle.results.solution import solution_of
+from orip.bundle.solve import SolvedBlock
+from orip.errors import ProjectWarning
+from orip.mistakes.hypothesis import DECIDED, Misfit
+from orip.mistakes.stations.contradicting_positions import alike_elsewhere
+from orip.mistakes.stations.doubted_camera import are_doubted, fits_positions, has_positions, without_positions
+from orip.mistakes.stations.given_positions import given_positions
+from orip.records.block import Block
+
+_FEWEST = 3
+"""Photos of a strip."""
+
+_MOST = 12
+"""Strips that are tried."""
+
+_STRAIGHT = float(np.cos(np.radians(30.0)))
+"""Cosine of the largest change of direction on a strip."""
+
+
+def one_strip_off(misfit: Misfit) -> list[ProjectWarning]:
+    """Return that the positions of one strip are off alike, if all fits without them and the others stay."""
+    readjuster = misfit.readjuster
+    block = readjuster.block
+    if not (readjuster.is_worthwhile and has_positions(block) and are_doubted(misfit.solution)):
+        return []
+    strips = list(_strips(block))
+    best: tuple[float, SolvedBlock, tuple[str, ...]] | None = None
+    for strip in strips if 2 <= len(strips) <= _MOST else ():
+        tried = readjuster.adjust(without_positions(block, strip))
+        if tried is None or not tried.converged:
+            continue
+        # observations that are left out took half of their number by chance
+        cost = tried.weighing.cost(tried.equations) + 0.5 * 3 * len(strip)
+        if best is None or cost < best[0]:
+            best = cost, tried, strip
+    if best is None or misfit.solved.weighing.cost(misfit.solved.equations) - best[0] < DECIDED:
+        return []
+    _, solved, strip = best
+    solution = solution_of(solved)
+    without = readjuster.adjust(without_positions(block))
+    if not fits_positions(solved, without) or are_doubted(solution):
+        return []
+    return alike_elsewhere(solution, block, strip)
+
+
+def _strips(block: Block) -> Iterator[tuple[str, ...]]:
+    """Yield the photos of each strip: those that follow each other straight on, in the order of the project."""
+    positions = given_positions(block)
+    ahead = _directions(positions.given[:, :2])
+    first = 0
+    for last in range(1, len(positions.photos)):
+        ends = last == len(ahead) or float(ahead[last] @ ahead[last - 1]) < _STRAIGHT
+        if ends:
+            if last - first + 1 >= _FEWEST:
+                yield positions.photos[first : last + 1]
+            first = last
+
+
+def _directions(places: FloatArray) -> FloatArray:
+    """Return unit vectors (n - 1, 2) from each place to the next."""
+    steps = np.diff(places, axis=0)
+    return np.asarray(steps / np.maximum(np.linalg.norm(steps, axis=1, keepdims=True), 1e-9))
