@@ -115,7 +115,7 @@ def outcome_of(measured: MeasuredBlock, route: Route) -> Outcome | None:
     if route.on_ground:
         (grown,) = route.systems
         reading = _reading_from_below(measured, grown)
-        return Outcome(route, grown, True, None, "") if reading is None else _misread(route, grown, reading)
+        return _by_stations_too(measured, route, grown) if reading is None else _misread(route, grown, reading)
     first, *others = route.systems
     if not np.isfinite(measured.full_control()).any():
         # no point holds its shape once it is on the ground, so it has to be final before
@@ -153,6 +153,18 @@ def _absolute(measured: MeasuredBlock, route: Route, grown: GrowingBlock) -> Out
             grown = grown.transformed(by_photo.similarity)
             return Outcome(route, grown, True, None, "", findings=(f"{found.reason}: {by_photo.finding}",))
         found = again
+    return Outcome(route, grown.transformed(found.similarity), True, found.step, "")
+
+
+def _by_stations_too(measured: MeasuredBlock, route: Route, grown: GrowingBlock) -> Outcome:
+    """Return a block that control has placed; where that leaves it free, as by two points, as exposure stations say."""
+    placed = Outcome(route, grown, True, None, "")
+    block = grown.partial_block()
+    if not measured.centres.names or isinstance(absolute_orientation(block, measured.rays, measured.control), Joined):
+        return placed
+    found = _joined_to_ground(measured, grown)
+    if not isinstance(found, Joined):
+        return placed
     return Outcome(route, grown.transformed(found.similarity), True, found.step, "")
 
 

@@ -14,7 +14,7 @@ from orip.prelim.similarity.adjustment import SimilarityAdjustment, adjust_simil
 from orip.prelim.similarity.common_points import CommonPoints
 from orip.prelim.similarity.joining import Joined, Names, similarity_step
 from orip.prelim.similarity.partial_blocks import steady_deviations, transformed
-from orip.prelim.similarity.start import adjusted_from_all_sides, start_from_triples
+from orip.prelim.similarity.start import adjusted_from_all_sides, of_lowest_cost, start_from_triples
 from orip.records.preliminary import NO_CONTROL, NotOriented, PartialBlock
 from orip.structs import replace
 from orip.wording import agreeing, counted
@@ -31,6 +31,10 @@ Blocks of an uncalibrated camera may be bent by a fifth; points with interchange
 
 _BESIDE_ONE_LINE = 3.0
 """Standard deviations by which points must deviate from a line to determine the rotation about it."""
+
+_FAR_MORE_PRECISE, _MOST_PRECISE = 5.0, 100
+"""Ratio of a-priori errors from which on the middle one tells nothing of a position; most positions that are tried from
+all sides for that."""
 
 _WELL = 2.0
 """Standard error of unit weight up to which control that is known in part and in full agrees."""
@@ -174,7 +178,12 @@ def fit_to_control(
     on_line = width < _BESIDE_ONE_LINE * _middle_error(common, width, length)
     if count >= 3 and not on_line:
         found = adjust_similarity(common, start_from_triples(common))
-        if full.all() or count > _FEW or (found.fits.all() and found.s0 < _WELL):
+        if found.fits.all() and found.s0 < _WELL:
+            return found
+        if _is_of_the_precise(common, found):
+            # of two control points and many stations, precise ones may be given up for what the others scatter by
+            return of_lowest_cost(common, (found, adjusted_from_all_sides(common, rotations, [])))
+        if full.all() or count > _FEW:
             return found
         # among few full points the wrong ones are revealed only by those known in part
         other = adjusted_from_all_sides(common, rotations, [])
@@ -193,6 +202,14 @@ def fit_to_control(
             "rotation and scale: two points known in X and Y and three in Z, off one line, are needed"
         )
         raise ValueError(message) from None
+
+
+def _is_of_the_precise(common: CommonPoints, found: SimilarityAdjustment) -> bool:
+    """Tell whether positions do not fit that are far more precise than most, in a block of few."""
+    if len(common.source) > _MOST_PRECISE:
+        return False
+    errors = common.errors(found.similarity).max(axis=1)
+    return bool((errors[~found.fits] < median(errors) / _FAR_MORE_PRECISE).any())
 
 
 def _in_a_row(common: CommonPoints, noun: str, width: float, length: float) -> str:

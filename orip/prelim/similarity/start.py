@@ -307,7 +307,12 @@ def _changes(residual: FloatArray, design: FloatArray, damping: FloatArray) -> F
     return np.asarray(changes / np.maximum(largest, 1.0)[:, None])
 
 
-def _robust_costs(common: CommonPoints, solutions: list[SimilarityAdjustment]) -> FloatArray:
+def of_lowest_cost(common: CommonPoints, solutions: Sequence[SimilarityAdjustment]) -> SimilarityAdjustment:
+    """Return the solution of lowest robust cost; of equal ones the first."""
+    return solutions[int(np.argmin(_robust_costs(common, solutions)))]
+
+
+def _robust_costs(common: CommonPoints, solutions: Sequence[SimilarityAdjustment]) -> FloatArray:
     """Return the sums of min(u², 9), with residuals u in units of the standard error of the best solution."""
     known = common.known
     standard = np.array([(solution.residuals / common.errors(solution.similarity))[known] for solution in solutions])
