@@ -24,14 +24,14 @@ def remembered(
 ) -> Callable[Concatenate[StructT, OthersP], FoundT]:
     """Return a function that remembers what it found for a frozen structure, as long as that is there.
 
-    The structure has ``weakref=True``; other arguments are positional, and are compared as keys. What is found is not
-    changed by those who ask.
+    The structure has ``weakref=True``; other arguments are compared as keys. What is found is not changed by those who
+    ask.
     """
     known: dict[object, tuple[ref[StructT], FoundT]] = {}
 
     @wraps(function)
     def with_memory(of: StructT, /, *others: OthersP.args, **named: OthersP.kwargs) -> FoundT:
-        key = id(of), others
+        key = id(of), others, tuple(sorted(named.items()))
         earlier = known.get(key)
         if earlier is not None and earlier[0]() is of:
             return earlier[1]

@@ -369,10 +369,9 @@ def _of_other_heights(block: Block, seen: _Seen, best: _Fitted) -> list[ProjectW
         if is_pole
         else "their heights are probably in another system (above the ellipsoid, above the geoid); take all from one"
     )
-    side = "high" if by > 0.0 else "low"
-    text = f"they alone are given about {abs(by):.2f} {block.ground_unit} too {side} in Z: {cause}"
+    size = f"{abs(by):.2f} {block.ground_unit} too {'high' if by > 0.0 else 'low'}"
     where = counted_names("control point", [seen.names[row] for row in rows], MOST_TO_CHANGE)
-    return [ProjectWarning(SOME_HEIGHTS, where, text)]
+    return [ProjectWarning(SOME_HEIGHTS, where, f"they alone are given about {size} in Z: {cause}")]
 
 
 def _of_exchange(block: Block, one: str, other: str) -> ProjectWarning:

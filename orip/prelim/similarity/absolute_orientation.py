@@ -27,7 +27,8 @@ _CENTRE = 0.01
 
 _AGREEMENT = 0.3
 """Median residual, as a part of the extent of the control, above which block and control are not of the same object.
-Blocks of an uncalibrated camera may be bent by a fifth; points with interchanged names lie some 0.5 apart."""
+Blocks of an uncalibrated camera may be bent by a fifth; points with interchanged names lie some 0.5 apart. Control that
+fits as its a-priori errors say, as positions of a few photos, is of the same object whatever these are."""
 
 _BESIDE_ONE_LINE = 3.0
 """Standard deviations by which points must deviate from a line to determine the rotation about it."""
@@ -141,7 +142,7 @@ def _from(
     except ValueError as error:
         return NotOriented(block.name, "", str(error))
     typical, extent = median(found.lengths), common.extent
-    if typical > _AGREEMENT * extent:
+    if typical > (extent if found.s0 < _WELL else _AGREEMENT * extent):
         return NotOriented(
             block.name,
             "",
