@@ -65,7 +65,7 @@ from orip.mistakes.stations.misread_angles import misread_angles
 from orip.mistakes.stations.misread_antennas import misread_antennas
 from orip.mistakes.stations.misread_pictures import pictures_instead_of_positions
 from orip.mistakes.stations.misread_positions import HEIGHTS, misread_stations
-from orip.mistakes.stations.one_strip import one_strip_off
+from orip.mistakes.stations.off_alike import all_off_alike, one_strip_off
 from orip.mistakes.stations.two_lenses import two_lenses, two_lenses_of_photos
 from orip.mistakes.vertical_photos import misread_vertical_photos
 from orip.records.block import Block
@@ -135,6 +135,8 @@ def explain_misfit(
     if elsewhere is not None:
         return _shown_elsewhere(elsewhere, readjuster)
     scattered = scattered_positions(solution) if given.scale < _FITS and readjuster.is_worthwhile else []
+    if scattered:
+        scattered = all_off_alike(misfit) or scattered
     found = scattered or precision_too_small(solved, readjuster)
     if found := found or lens_of_doubted_camera(misfit):
         return found

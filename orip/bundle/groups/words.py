@@ -79,6 +79,8 @@ _LONGEST_ARM, _LARGEST_SHIFT = 3.0, 20.0
 _LARGEST_BORESIGHT, _OF_LARGEST = 20.0, 0.1
 """Degrees that a camera is turned by in its mount, and part of the largest angle that hardly counts."""
 
+_PLACES = ("X0", "Y0", "Z0")
+
 _HELD_REMEDY = (
     "check the calibration of the camera; if it was made at another time, or in another state of the camera, set "
     'unknown = ["{component}"] in its [[camera]]'
@@ -247,8 +249,17 @@ def _cause(other: CommonCause) -> str:
         return _named(other)
     if other.group.kind in ("station", "attitude") or other.extent == "whole":
         components = joined(list(other.components))
-        return f"a shift of {_stations_of(other)}" + (f" in {components}" if other.extent != "lever arm" else "")
-    return f"a shift of all {group_name(other.group)}" if other.group.kind != "distance" else "all distances"
+        shifted = _stations_of(other) + _against(other)
+        return f"a shift of {shifted}" + (f" in {components}" if other.extent != "lever arm" else "")
+    shifted = f"a shift of all {group_name(other.group)}{_against(other)}"
+    return shifted if other.group.kind != "distance" else "all distances"
+
+
+def _against(other: CommonCause) -> str:
+    """Return what the positions of all photos are shifted against, as that may be wrong in their place."""
+    group = other.group
+    of_all = group.kind == "station" and not group.of and other.extent != "lever arm"
+    return " against the control" if of_all or (group.kind == "element" and group.component in _PLACES) else ""
 
 
 def _are_plain(found: Contradiction) -> bool:

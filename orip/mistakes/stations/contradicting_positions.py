@@ -17,6 +17,7 @@ from orip.records.block import Block
 from orip.records.coded_names import coded
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.results.solution import Solution
+from orip.structs import replace
 from orip.wording import MOST_TO_CHANGE, counted_names
 
 _DOUBTED, _ERRORS = 0.5, 5.0
@@ -29,9 +30,11 @@ _BESIDE = 0.1
 """Part of the largest difference below which that of another component is not named."""
 
 CODE, OFF_ALIKE, SCATTERED = "contradicting-position", "positions-off-alike", "scattered-positions"
+ALL_ALIKE = "all-positions-off-alike"
 
 SHORT_TEXTS_OF_POSITIONS = {
     OFF_ALIKE: "positions of a part of the photos are off alike",
+    ALL_ALIKE: "the positions of the photos are all off alike",
     SCATTERED: "the positions of the photos are worse than their a-priori errors, or those of others",
 }
 """What the status says of the block, by the code of the warning."""
@@ -194,8 +197,12 @@ def alike_elsewhere(elsewhere: Solution, block: Block, photos: Sequence[str]) ->
     place = {name: row for row, name in enumerate(elsewhere.photos.names)}
     given = given_positions(block)
     rows = [row for row, name in enumerate(given.photos) if name in photos and name in place]
-    alike = _off_alike([_elsewhere(elsewhere, place[given.photos[row]], given, row) for row in rows], block.ground_unit)
-    return [] if alike is None else [alike]
+    positions = [_elsewhere(elsewhere, place[given.photos[row]], given, row) for row in rows]
+    if len(rows) < len(place):
+        alike = _off_alike(positions, block.ground_unit, _SHIFT_OF_STRIP)
+        return [] if alike is None else [alike]
+    alike = _off_alike(positions, block.ground_unit, _SHIFT_OF_ALL)
+    return [] if alike is None else [replace(alike, code=ALL_ALIKE, where="exposure stations")]
 
 
 def _elsewhere(elsewhere: Solution, photo: int, given: GivenPositions, row: int) -> _Position:
@@ -277,7 +284,14 @@ def _positions(solution: Solution) -> Iterator[_Position]:
         )
 
 
-def _off_alike(wrong: Sequence[_Position], ground_unit: str) -> ProjectWarning | None:
+_SHIFT_OF_STRIP = (
+    '; or give them a strip of their own there (the last field of their lines) and set shift = "strip" and strips = '
+    "its name in [[antenna]] of orip.toml"
+)
+_SHIFT_OF_ALL = '; or set shift = "session" in [[antenna]] of orip.toml'
+
+
+def _off_alike(wrong: Sequence[_Position], ground_unit: str, shift: str = _SHIFT_OF_STRIP) -> ProjectWarning | None:
     """Return one warning for positions that are all off by the same, as those of a strip without a fix are."""
     if len(wrong) < _FEWEST_ALIKE or len({(position.file, position.components) for position in wrong}) > 1:
         return None
@@ -296,10 +310,7 @@ def _off_alike(wrong: Sequence[_Position], ground_unit: str) -> ProjectWarning |
         f"{first.file} file, or make their errors negative (then they are only compared)"
     )
     if first.file == ".STA":
-        text += (
-            '; or give them a strip of their own there (the last field of their lines) and set shift = "strip" and '
-            "strips = its name in [[antenna]] of orip.toml"
-        )
+        text += shift
     return ProjectWarning(OFF_ALIKE, _named(wrong), text)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from orip.arrays import FloatArray
 from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import SolvedBlock
+from orip.bundle.verdict import group_findings
 from orip.errors import ProjectWarning
 from orip.mistakes.camera_values import other_principal_distance
 from orip.mistakes.hypothesis import DECIDED, Misfit, Readjuster, fit_of_adjustment, is_good
@@ -46,7 +47,8 @@ def heights_apart(misfit: Misfit) -> list[ProjectWarning]:
     if len(off) < _FEWEST:
         return []
     by = float(np.median(off))
-    if block.stations and -_ARM <= by < 0.0:
+    told = bool(group_findings(misfit.solution))
+    if -_ARM <= by < 0.0 and (block.stations or told):
         return []  # an antenna has unknowns of its own, and its group names them
     if not (_LEAST < abs(by) < _MOST and float(np.median(np.abs(off - by))) < _ALIKE * abs(by)):
         return []
@@ -55,14 +57,15 @@ def heights_apart(misfit: Misfit) -> list[ProjectWarning]:
         return []
     if are_doubted(solution_of(tried)):
         return []
-    return _heights_or_camera(tried, misfit.readjuster, by)
+    return _heights_or_camera(tried, misfit.readjuster, by, told)
 
 
-def _heights_or_camera(shifted: SolvedBlock, readjuster: Readjuster, by: float) -> list[ProjectWarning]:
+def _heights_or_camera(shifted: SolvedBlock, readjuster: Readjuster, by: float, told: bool) -> list[ProjectWarning]:
     """Return that a held principal distance is wrong, if all fits as well with another one as with other heights.
 
     That takes nothing from what was surveyed; a difference of heights is said only where it alone explains the block.
-    Where a principal distance explains it that hardly differs, either may be wrong, and both are named.
+    Where a principal distance explains it that hardly differs, either may be wrong, and both are named, unless the
+    groups have `told`.
     """
     block = readjuster.block
     cost = shifted.weighing.cost(shifted.equations)
@@ -75,7 +78,7 @@ def _heights_or_camera(shifted: SolvedBlock, readjuster: Readjuster, by: float) 
                 other = float(tried.state.cameras[row, 0])
                 if abs(other / camera.parameters[0] - 1.0) > OF_LENSES:
                     return hypothesis.findings(tried)
-                return [_warning(block, by, other)]
+                return [] if told else [_warning(block, by, other)]
     return [_warning(block, by)]
 
 

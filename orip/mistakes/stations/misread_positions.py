@@ -220,6 +220,15 @@ def _shortened(block: Block, observed: _Observed) -> Iterator[tuple[str, str]]:
     if block.ground_unit != "m" or not is_alike or not round_off.any():
         return
     is_round = bool((np.abs(middle - round_off) < _SHORT).all())
+    if not is_round and abs(turn := _turned(observed)) > _TURNED:
+        yield (
+            LOCAL,
+            (
+                f"they are turned by {abs(turn):.2g} degrees against the control, and a constant away, as where "
+                "they are in another zone or system: convert them to the system of the control"
+            ),
+        )
+        return
     round_off = round_off if is_round else np.where(round_off == 0.0, 0.0, middle)
     axes = np.flatnonzero(round_off)
     longer, shorter = np.abs(observed.given), np.abs(observed.found)
@@ -239,6 +248,16 @@ def _shortened(block: Block, observed: _Observed) -> Iterator[tuple[str, str]]:
         f"{added}"
     )
     yield code, text
+
+
+_TURNED = 0.2
+"""Degrees that axes of another zone are turned by at least; those of a local system are parallel, or turned as well."""
+
+
+def _turned(observed: _Observed) -> float:
+    """Return the rotation in the plane from the photos to their positions, degrees."""
+    given, found = (xyz[:, 0] + 1j * xyz[:, 1] for xyz in (observed.given, observed.found))
+    return float(np.degrees(np.angle(np.vdot(found - found.mean(), given - given.mean()))))
 
 
 def _read(observed: _Observed) -> Iterator[tuple[str, str]]:

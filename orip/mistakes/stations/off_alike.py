@@ -1,7 +1,7 @@
-"""A strip whose positions are all off alike, which no strips of the file tell apart.
+"""Positions that are off alike, of the whole flight or of a strip that the file does not tell apart.
 
-Photos that hardly see beyond their strip follow their positions: the block bends, and no single position loses its
-weight. Each strip of the flight is then tried without its positions.
+Photos that hardly see beyond their strip follow their positions, and the block bends between these and the control: no
+single position loses its weight. The flight is tried without its positions, or each strip without its own.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from orip.arrays import FloatArray
 from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
-from orip.mistakes.hypothesis import DECIDED, Misfit
+from orip.mistakes.hypothesis import DECIDED, Misfit, fit_of_adjustment, is_good
 from orip.mistakes.stations.contradicting_positions import alike_elsewhere
 from orip.mistakes.stations.doubted_camera import are_doubted, fits_positions, has_positions, without_positions
 from orip.mistakes.stations.given_positions import given_positions
@@ -30,12 +30,24 @@ _STRAIGHT = float(np.cos(np.radians(30.0)))
 """Cosine of the largest change of direction on a strip."""
 
 
+def all_off_alike(misfit: Misfit) -> list[ProjectWarning]:
+    """Return that all positions are off alike, if all fits without them."""
+    block = misfit.readjuster.block
+    without = misfit.readjuster.adjust(without_positions(block))
+    if without is None or not (without.converged and is_good(fit_of_adjustment(without))):
+        return []
+    solution = solution_of(without)
+    return alike_elsewhere(solution, block, solution.photos.names)
+
+
 def one_strip_off(misfit: Misfit) -> list[ProjectWarning]:
     """Return that the positions of one strip are off alike, if all fits without them and the others stay."""
     readjuster = misfit.readjuster
     block = readjuster.block
     if not (readjuster.is_worthwhile and has_positions(block) and are_doubted(misfit.solution)):
         return []
+    if len({station.strip for station in block.stations}) > 1:
+        return []  # each has a group of its own, which names it
     strips = list(_strips(block))
     best: tuple[float, SolvedBlock, tuple[str, ...]] | None = None
     for strip in strips if 2 <= len(strips) <= _MOST else ():
