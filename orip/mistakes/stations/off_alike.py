@@ -6,7 +6,7 @@ single position loses its weight. The flight is tried without its positions, or 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -25,6 +25,9 @@ _FEWEST = 3
 
 _MOST = 12
 """Strips that are tried."""
+
+_BY_OTHERS = 0.2
+"""Part of what goes with the positions of one strip by which those of all others may lower the cost further."""
 
 _STRAIGHT = float(np.cos(np.radians(30.0)))
 """Cosine of the largest change of direction on a strip."""
@@ -52,20 +55,24 @@ def one_strip_off(misfit: Misfit) -> list[ProjectWarning]:
     best: tuple[float, SolvedBlock, tuple[str, ...]] | None = None
     for strip in strips if 2 <= len(strips) <= _MOST else ():
         tried = readjuster.adjust(without_positions(block, strip))
-        if tried is None or not tried.converged:
-            continue
-        # observations that are left out took half of their number by chance
-        cost = tried.weighing.cost(tried.equations) + 0.5 * 3 * len(strip)
-        if best is None or cost < best[0]:
-            best = cost, tried, strip
-    if best is None or misfit.solved.weighing.cost(misfit.solved.equations) - best[0] < DECIDED:
+        if tried is not None and tried.converged and (best is None or _cost_without(tried, strip) < best[0]):
+            best = _cost_without(tried, strip), tried, strip
+    gain = 0.0 if best is None else misfit.solved.weighing.cost(misfit.solved.equations) - best[0]
+    if best is None or gain < DECIDED:
         return []
-    _, solved, strip = best
+    cost, solved, strip = best
     solution = solution_of(solved)
     without = readjuster.adjust(without_positions(block))
-    if not fits_positions(solved, without) or are_doubted(solution):
+    if without is None or not fits_positions(solved, without) or are_doubted(solution):
         return []
+    if cost - _cost_without(without, given_positions(block).photos) > _BY_OTHERS * gain:
+        return []  # all of them are off
     return alike_elsewhere(solution, block, strip)
+
+
+def _cost_without(tried: SolvedBlock, photos: Sequence[str]) -> float:
+    """Return the cost without the positions of some photos: each coordinate took half by chance."""
+    return tried.weighing.cost(tried.equations) + 0.5 * 3 * len(photos)
 
 
 def _strips(block: Block) -> Iterator[tuple[str, ...]]:
