@@ -211,23 +211,35 @@ _ROUND, _SHORT = 1000.0, 5.0
 """What coordinates are shortened by is a multiple of the first; the block is off by it within the second."""
 
 
+_TURNED = 0.2
+"""Degrees that axes of another zone are turned by at least; those of a local system are parallel, or turned as well."""
+
+
+def _turned(observed: _Observed) -> tuple[float, float]:
+    """Return the rotation in the plane from the photos to their positions, degrees, and what (median) it leaves."""
+    given, found = (xyz[:, 0] + 1j * xyz[:, 1] for xyz in (observed.given, observed.found))
+    given, found = given - given.mean(), found - found.mean()
+    turn = np.angle(np.vdot(found, given))
+    return float(np.degrees(turn)), float(np.median(np.abs(given - np.exp(1j * turn) * found)))
+
+
 def _shortened(block: Block, observed: _Observed) -> Iterator[tuple[str, str]]:
     """Yield that the leading digits of X and Y were left out, of the positions or of the control, or the origin."""
     off = observed.given - observed.found
     middle = np.median(off, axis=0)
     round_off = _ROUND * np.round(middle / _ROUND)
-    is_alike = (np.median(np.abs(off - middle), axis=0) < _SHORT).all() and abs(float(middle[2])) < _SHORT
-    if block.ground_unit != "m" or not is_alike or not round_off.any():
+    if block.ground_unit != "m" or not round_off.any() or abs(float(middle[2])) > _SHORT:
         return
     is_round = bool((np.abs(middle - round_off) < _SHORT).all())
-    if not is_round and abs(turn := _turned(observed)) > _TURNED:
-        yield (
-            LOCAL,
-            (
-                f"they are turned by {abs(turn):.2g} degrees against the control, and a constant away, as where "
-                "they are in another zone or system: convert them to the system of the control"
-            ),
+    turn, rest = _turned(observed)
+    if not is_round and abs(turn) > _TURNED and rest < _SHORT:
+        text = (
+            f"they are turned by {abs(turn):.2g} degrees against the control, and a constant away, as where they are "
+            "in another zone or system: convert them to the system of the control"
         )
+        yield LOCAL, text
+        return
+    if not (np.median(np.abs(off - middle), axis=0) < _SHORT).all():
         return
     round_off = round_off if is_round else np.where(round_off == 0.0, 0.0, middle)
     axes = np.flatnonzero(round_off)
@@ -248,16 +260,6 @@ def _shortened(block: Block, observed: _Observed) -> Iterator[tuple[str, str]]:
         f"{added}"
     )
     yield code, text
-
-
-_TURNED = 0.2
-"""Degrees that axes of another zone are turned by at least; those of a local system are parallel, or turned as well."""
-
-
-def _turned(observed: _Observed) -> float:
-    """Return the rotation in the plane from the photos to their positions, degrees."""
-    given, found = (xyz[:, 0] + 1j * xyz[:, 1] for xyz in (observed.given, observed.found))
-    return float(np.degrees(np.angle(np.vdot(found - found.mean(), given - given.mean()))))
 
 
 def _read(observed: _Observed) -> Iterator[tuple[str, str]]:

@@ -34,6 +34,11 @@ def converted(target: str) -> Callable[[np.ndarray], np.ndarray]:
     return lambda xyz: np.array([*to_target.transform(xyz[0], xyz[1]), xyz[2]])
 
 
+def turned(degrees: float) -> Callable[[np.ndarray], np.ndarray]:
+    cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return lambda xyz: np.array([cosine * xyz[0] - sine * xyz[1], sine * xyz[0] + cosine * xyz[1], xyz[2]])
+
+
 def raised(by: float) -> Callable[[np.ndarray], np.ndarray]:
     return lambda xyz: xyz + np.array([0.0, 0.0, by])
 
@@ -79,6 +84,7 @@ SAID: dict[str, tuple[Making, tuple[str, ...]]] = {
         changed("control", converted("EPSG:25833")), ("UTM coordinates of the eastern of two zones", "convert")),
     "positions of the zone before": (
         changed("positions", converted("EPSG:25831")), ("UTM coordinates of the eastern of two zones", "convert")),
+    "positions of a turned system": (changed("positions", turned(4.4)), ("turned by 4.4 degrees", "convert")),
     "positions without a fix": (scattered(1.6), ("scatter by", "RTK", "write errors of about")),
     "positions of other photos": (scattered(600.0), ("those of other photos", "match")),
     "another base station": (of_another_base, ("from P6 to P12", "base station", "correct them")),
