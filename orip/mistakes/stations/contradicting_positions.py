@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
@@ -192,13 +192,14 @@ def part_of_flight_elsewhere(elsewhere: Solution, block: Block) -> list[ProjectW
     return [] if part is None else [part]
 
 
-def alike_elsewhere(elsewhere: Solution, block: Block, photos: Sequence[str]) -> list[ProjectWarning]:
+def alike_elsewhere(elsewhere: Solution, block: Block, photos: Iterable[str]) -> list[ProjectWarning]:
     """Return that the positions of some photos are all off alike, from an adjustment without them."""
     place = {name: row for row, name in enumerate(elsewhere.photos.names)}
-    given = given_positions(block)
-    rows = [row for row, name in enumerate(given.photos) if name in photos and name in place]
+    given, chosen = given_positions(block), set(photos)
+    every = [row for row, name in enumerate(given.photos) if name in place]
+    rows = [row for row in every if given.photos[row] in chosen]
     positions = [_elsewhere(elsewhere, place[given.photos[row]], given, row) for row in rows]
-    if len(rows) < len(place):
+    if len(rows) < len(every):
         alike = _off_alike(positions, block.ground_unit, _SHIFT_OF_STRIP)
         return [] if alike is None else [alike]
     alike = _off_alike(positions, block.ground_unit, _SHIFT_OF_ALL)

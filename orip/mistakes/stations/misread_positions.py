@@ -30,7 +30,7 @@ SHORT_TEXTS_OF_STATIONS = {
     UNIT: "the stations are in another unit than the control",
     HEIGHT_OFFSET: "the heights of the control and of the stations differ by a constant",
     SHORTENED: "leading digits are missing in the stations or the control",
-    LOCAL: "the stations or the control are in a local system",
+    LOCAL: "the stations or the control are in another system, or a local one",
 }
 """What the status says of the block, by the code of the warning."""
 
@@ -94,7 +94,7 @@ def misread_stations(block: Block, solved: SolvedBlock) -> list[ProjectWarning]:
     moved = _where_control_puts_it(block, solved, observed)
     for placed in (observed, moved) if moved is not None else (observed,):
         # heights in feet are nearly constant above others of a low object
-        readings += [*_read(placed), _in_another_height_system(block, placed), *_shortened(block, placed)]
+        readings += [*_read(placed), _in_another_height_system(block, placed), *_far_away(block, placed)]
     where = "exposure stations"
     return [ProjectWarning(code, where, text) for code, text in readings if text][:1]
 
@@ -210,9 +210,27 @@ def _in_another_height_system(block: Block, observed: _Observed) -> tuple[str, s
 _ROUND, _SHORT = 1000.0, 5.0
 """What coordinates are shortened by is a multiple of the first; the block is off by it within the second."""
 
-
 _TURNED = 0.2
-"""Degrees that axes of another zone are turned by at least; those of a local system are parallel, or turned as well."""
+"""Degrees that axes of another zone are turned by at least."""
+
+
+def _far_away(block: Block, observed: _Observed) -> Iterator[tuple[str, str]]:
+    """Yield why X and Y are kilometres apart: another zone or system, leading digits or an origin that was left out."""
+    off = observed.given - observed.found
+    middle = np.median(off, axis=0)
+    thousands = _ROUND * np.round(middle / _ROUND)
+    if block.ground_unit != "m" or not thousands.any() or abs(float(middle[2])) > _SHORT:
+        return
+    is_round = bool((np.abs(middle - thousands) < _SHORT).all())
+    turn, rest = _turned(observed)
+    if not is_round and abs(turn) > _TURNED and rest < _SHORT:
+        text = (
+            f"they are turned by {abs(turn):.2g} degrees and shifted against the control, as where they are in another "
+            "zone or system: convert them to the system of the control"
+        )
+        yield LOCAL, text
+    elif (np.median(np.abs(off - middle), axis=0) < _SHORT).all():
+        yield _shortened(observed, thousands if is_round else np.where(thousands == 0.0, 0.0, middle), is_round)
 
 
 def _turned(observed: _Observed) -> tuple[float, float]:
@@ -223,32 +241,14 @@ def _turned(observed: _Observed) -> tuple[float, float]:
     return float(np.degrees(turn)), float(np.median(np.abs(given - np.exp(1j * turn) * found)))
 
 
-def _shortened(block: Block, observed: _Observed) -> Iterator[tuple[str, str]]:
-    """Yield that the leading digits of X and Y were left out, of the positions or of the control, or the origin."""
-    off = observed.given - observed.found
-    middle = np.median(off, axis=0)
-    round_off = _ROUND * np.round(middle / _ROUND)
-    if block.ground_unit != "m" or not round_off.any() or abs(float(middle[2])) > _SHORT:
-        return
-    is_round = bool((np.abs(middle - round_off) < _SHORT).all())
-    turn, rest = _turned(observed)
-    if not is_round and abs(turn) > _TURNED and rest < _SHORT:
-        text = (
-            f"they are turned by {abs(turn):.2g} degrees against the control, and a constant away, as where they are "
-            "in another zone or system: convert them to the system of the control"
-        )
-        yield LOCAL, text
-        return
-    if not (np.median(np.abs(off - middle), axis=0) < _SHORT).all():
-        return
-    round_off = round_off if is_round else np.where(round_off == 0.0, 0.0, middle)
-    axes = np.flatnonzero(round_off)
+def _shortened(observed: _Observed, by: FloatArray, is_round: bool) -> tuple[str, str]:
+    """Return that leading digits (`by` (3,) is round) or an origin were left out, of the positions or the control."""
+    axes = np.flatnonzero(by)
     longer, shorter = np.abs(observed.given), np.abs(observed.found)
     is_control = bool((np.median(longer, axis=0) > np.median(shorter, axis=0))[axes].all())
     short, whole = ("the control", "the positions") if is_control else ("the positions", "the control")
     added = " and ".join(
-        f"{round_off[axis] if is_control else -round_off[axis]:+.{0 if is_round else 2}f} to {'XYZ'[axis]}"
-        for axis in axes.tolist()
+        f"{by[axis] if is_control else -by[axis]:+.{0 if is_round else 2}f} to {'XYZ'[axis]}" for axis in axes.tolist()
     )
     code, differ, cause = (
         (SHORTENED, "whole thousands", f"where leading digits were left out of {short}")
@@ -259,7 +259,7 @@ def _shortened(block: Block, observed: _Observed) -> Iterator[tuple[str, str]]:
         f"they and the control differ by {differ}, as {cause}: write whole coordinates there, as in {whole}: add "
         f"{added}"
     )
-    yield code, text
+    return code, text
 
 
 def _read(observed: _Observed) -> Iterator[tuple[str, str]]:

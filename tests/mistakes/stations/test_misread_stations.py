@@ -63,7 +63,7 @@ MISREAD: dict[str, tuple[Change, str, str]] = {
     "local system": (
         lambda places: places - [563412.3, 5933128.7, 0.0],
         "the positions are in a local system: write whole coordinates there, as in the control: add +563412.",
-        "are in a local system",
+        "are in another system, or a local one",
     ),
     "depths": (lambda places: places * [1.0, 1.0, -1.0], "Z has the opposite sign", "the axes of the stations"),
 }  # fmt: skip
