@@ -30,7 +30,7 @@ PATTERNS = (
 
 
 MSVC_ARGUMENTS = ["/O2", "/fp:precise"]
-"""For `-O3 -ffp-contract=off` of pyproject.toml; /fp:precise neither reorders sums nor contracts them."""
+"""For `-O3` of pyproject.toml; /fp:precise does not reorder sums."""
 
 
 class BuildExtensions(build_ext):

@@ -45,7 +45,20 @@ typedef long long LaneNumbers;
 #define FETCH(address) ((void)(address))
 #endif
 
-/* Loops for processors with AVX2 beside those for all. Not on Windows, where gcc does not align the stack for them. */
+/* Number of the lowest bit that is set; one is. */
+INLINE int first_of(int bits)
+{
+#if defined(__GNUC__)
+    return __builtin_ctz((unsigned)bits);
+#else
+    int first = 0;
+    while (!(bits >> first & 1))
+        first++;
+    return first;
+#endif
+}
+
+/* Loops for processors with AVX2 and FMA beside those for all. Not on Windows, where gcc does not align the stack for them. */
 #if LANES == 4 && defined(__x86_64__) && !defined(_WIN32)
 #define HAS_AVX2_LOOPS
 #endif

@@ -1,12 +1,12 @@
-/* The loops for processors with AVX2; orip/bundle/compiled/module.c tests for it. */
+/* The loops for processors with AVX2 and FMA; orip/bundle/compiled/module.c tests for it. */
 
 #include "../../lanes.h"
 
 #ifdef HAS_AVX2_LOOPS
 #if defined(__clang__)
-#pragma clang attribute push(__attribute__((target("avx2"))), apply_to = function)
+#pragma clang attribute push(__attribute__((target("avx2,fma"))), apply_to = function)
 #else
-#pragma GCC target("avx2")
+#pragma GCC target("avx2,fma")
 #endif
 
 #include "loops.h"

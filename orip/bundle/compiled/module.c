@@ -404,7 +404,7 @@ static struct PyModuleDef definition = {
 PyMODINIT_FUNC PyInit__observation_loop(void)
 {
 #ifdef HAS_AVX2_LOOPS
-    if (__builtin_cpu_supports("avx2"))
+    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
         loops = &avx2_loops, moving_loops = &moving_avx2_loops;
 #endif
     return PyModule_Create(&definition);

@@ -5,8 +5,8 @@
 
 #include "sums.h"
 
-/* Points that are eliminated together, and the products that they make in an element of the sums. */
-#define PANEL_POINTS 16
+/* Points that are eliminated together, for each a bit, and the products that they make in an element of the sums. */
+#define PANEL_POINTS 30
 #define PANEL_PRODUCTS (3 * PANEL_POINTS)
 
 /* E, which is H times the coupling, of some points with the unknowns of the photos of their group: strip after strip, in
@@ -64,13 +64,15 @@ INLINE void subtract_products(const double *strip, const double *const *of_colum
     for (int c = 0; c < COLUMNS_OF_PANEL; c++)
         for (int k = 0; k < STRIP / LANES; k++)
             sums[c][k] = ALL(0.0);
-    for (int64_t from = 0; points; points >>= 1, from += 3 * STRIP)
-        for (int64_t at = from; points & 1 && at < from + 3 * STRIP; at += STRIP)
+    for (; points; points &= points - 1) {
+        const int64_t from = 3 * STRIP * first_of(points);
+        for (int64_t at = from; at < from + 3 * STRIP; at += STRIP)
             for (int c = 0; c < COLUMNS_OF_PANEL; c++) {
                 const Lanes of_own = ALL(of_column[c][at]);
                 for (int k = 0; k < STRIP / LANES; k++)
                     sums[c][k] += of_own * AT(strip + at + k * LANES);
             }
+    }
     for (int c = 0; c < COLUMNS_OF_PANEL; c++)
         for (int k = 0; k < STRIP / LANES; k++)
             AT(columns[c] + k * LANES) -= sums[c][k];

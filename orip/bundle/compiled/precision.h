@@ -32,10 +32,10 @@ typedef struct {
 
 /* Points that are computed together. rays: theirs, those of the k-th one from start[k] on; of_rays: v of both rows of each,
  * `length` long; coupling: B, three rows for each point, `stride` long; product: in its place, the sum of v that belongs to B,
- * and B Q by photos. */
+ * and B Q by photos; of_photos: B Q of one point by the photo of each of its photo points, row after row. */
 typedef struct {
     RayRows *rays;
-    double *of_rays, *coupling, *product;
+    double *of_rays, *coupling, *product, *of_photos;
     int64_t length, stride, start[POINTS_AT_ONCE + 1];
 } Points;
 
@@ -43,7 +43,7 @@ typedef struct {
 static int64_t numbers_of_points(int64_t most_rays, int64_t size, int64_t of_cameras)
 {
     const int64_t of_ray = (int64_t)(sizeof(RayRows) / sizeof(double)) + 2 * stride_of(of_cameras);
-    return POINTS_AT_ONCE * (most_rays * of_ray + 6 * (PADDED(of_cameras) + stride_of(size)));
+    return POINTS_AT_ONCE * (most_rays * of_ray + 6 * (PADDED(of_cameras) + stride_of(size))) + 3 * PHOTO_ROW * most_rays;
 }
 
 INLINE void begin_points(const Pattern *p, const Part *part, double *room, Points *points)
@@ -55,8 +55,20 @@ INLINE void begin_points(const Pattern *p, const Part *part, double *room, Point
     points->stride = part->cameras + part->of_photos;
     points->coupling = points->of_rays + 2 * rays * points->length;
     points->product = points->coupling + 3 * POINTS_AT_ONCE * points->stride;
+    points->of_photos = points->product + 3 * POINTS_AT_ONCE * points->stride;
     /* behind the strips that are written, lanes are read, and multiplied by zero: what stands there has to be a number */
     memset(points->coupling, 0, sizeof(double) * 6 * POINTS_AT_ONCE * (size_t)points->stride);
+}
+
+/* Fetch what comes later of the weights and leverages: the photo points of a point lie apart. */
+INLINE void fetch_weights(const Block *b, const Pattern *p, const Precision *c, int64_t k)
+{
+    if (k + FETCHED_BEFORE >= p->start[p->blocks])
+        return;
+    const int64_t later = 2 * (int64_t)p->order[k + FETCHED_BEFORE];
+    FETCH(c->factor + later);
+    FETCH(b->error + later);
+    FETCH(c->leverage + later);
 }
 
 /* Linearise the photo points of the point at a place of the pattern; return where those of the next one begin. */
@@ -69,6 +81,7 @@ INLINE int64_t keep_rays(const Block *b, const Pattern *p, const Local *local, c
         const int lane = ahead(b, p, c->scale, k, a);
         const int64_t row = p->order[k];
         RayRows *ray = rays + count;
+        fetch_weights(b, p, c, k);
         if (!a->found.in_front[lane])
             continue;
         ray->at = places_of(b, p, local, (int32_t)row, a->cameras[lane], last);
@@ -189,54 +202,44 @@ INLINE void couple(const Part *part, const Points *points, int64_t point)
     }
 }
 
-#define MOST_COLUMNS 2
-
-/* Add what some columns of Q by photos, from the j-th on, contribute to B Q. A part of many unknowns does not stay in the
- * nearest cache: it is read once, column after column. */
-INLINE void add_columns(const Part *part, const double *const *b, int64_t j, int count, double *const *q)
+/* Add what the columns of Q of one photo contribute to B Q at another photo; b: the rows of B from its columns on. */
+INLINE void add_of_photo(const double *const *b, const double *column, int64_t stride, double *found)
 {
-    const double *column = part->by_photos + j * part->of_photos;
-    Lanes of_column[MOST_COLUMNS][3], elements[MOST_COLUMNS], sums[3];
-    for (int c = 0; c < count; c++)
+    Lanes sums[3][PHOTO_ROW / LANES];
+    for (int k = 0; k < 3; k++)
+        for (int v = 0; v < PHOTO_ROW / LANES; v++)
+            sums[k][v] = AT(found + k * PHOTO_ROW + v * LANES);
+    for (int64_t u = 0; u < PHOTO_UNKNOWNS; u++)
         for (int k = 0; k < 3; k++)
-            of_column[c][k] = ALL(b[k][j + c]);
-    for (int64_t i = 0; i < part->photos; i += LANES) {
-        for (int c = 0; c < count; c++)
-            elements[c] = AT(column + c * part->of_photos + i);
-        for (int k = 0; k < 3; k++) {
-            sums[k] = AT(q[k] + i);
-            for (int c = 0; c < count; c++)
-                sums[k] += of_column[c][k] * elements[c];
-        }
-        for (int k = 0; k < 3; k++)
-            AT(q[k] + i) = sums[k];
-    }
+            for (int v = 0; v < PHOTO_ROW / LANES; v++)
+                sums[k][v] += b[k][u] * AT(column + u * stride + v * LANES);
+    for (int k = 0; k < 3; k++)
+        for (int v = 0; v < PHOTO_ROW / LANES; v++)
+            AT(found + k * PHOTO_ROW + v * LANES) = sums[k][v];
 }
 
-INLINE int is_coupled(const double *const *b, int64_t j)
-{
-    return b[0][j] != 0.0 || b[1][j] != 0.0 || b[2][j] != 0.0;
-}
-
-/* product = B Q by photos for one point; columns of photos that do not show it are passed over. */
+/* product = B Q by photos for one point, at the photos that show it, of which a large group has many more. */
 INLINE void times_photos(const Part *part, const Points *points)
 {
-    const double *b[3];
-    double *q[3];
-    for (int k = 0; k < 3; k++) {
-        b[k] = points->coupling + k * points->stride + part->cameras;
-        q[k] = points->product + k * points->stride + part->cameras;
-        memset(q[k], 0, sizeof(double) * (size_t)part->of_photos);
+    const int64_t rays = points->start[1];
+    memset(points->of_photos, 0, sizeof(double) * 3 * PHOTO_ROW * (size_t)rays);
+    for (int64_t from = 0; from < rays; from++) {
+        const int64_t photo = points->rays[from].at.photo;
+        const double *b[3];
+        if (from && photo == points->rays[from - 1].at.photo)
+            continue;
+        for (int k = 0; k < 3; k++)
+            b[k] = points->coupling + k * points->stride + photo;
+        for (int64_t to = 0; to < rays; to++)
+            add_of_photo(b, part->by_photos + (photo - part->cameras) * part->of_photos + points->rays[to].at.photo - part->cameras,
+                         part->of_photos, points->of_photos + 3 * PHOTO_ROW * to);
     }
-    for (int64_t j = 0; j < part->photos; j++)
-        if (is_coupled(b, j)) {
-            const int is_pair = j + 1 < part->photos && is_coupled(b, j + 1);
-            if (is_pair)
-                add_columns(part, b, j, 2, q);
-            else
-                add_columns(part, b, j, 1, q);
-            j += is_pair;
-        }
+    for (int k = 0; k < 3; k++)
+        memset(points->product + k * points->stride + part->cameras, 0, sizeof(double) * (size_t)part->of_photos);
+    for (int64_t to = 0; to < rays; to++)
+        for (int k = 0; k < 3; k++)
+            memcpy(points->product + k * points->stride + points->rays[to].at.photo,
+                   points->of_photos + 3 * PHOTO_ROW * to + k * PHOTO_ROW, sizeof(double) * PHOTO_UNKNOWNS);
 }
 
 #define ROWS_AT_ONCE 6
