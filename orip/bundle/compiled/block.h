@@ -13,12 +13,7 @@
 #define MOST_CAMERA_COLUMNS (CAMERA_PARAMETERS + 2 * MOST_PRODUCTS)
 /* Of the orientation, and of the motion. */
 #define ORIENTATION_UNKNOWNS 6
-#define MOST_PHOTO_UNKNOWNS 12
-#ifdef HAS_MOTIONS
-#define PHOTO_UNKNOWNS MOST_PHOTO_UNKNOWNS
-#else
-#define PHOTO_UNKNOWNS ORIENTATION_UNKNOWNS
-#endif
+#define PHOTO_UNKNOWNS (ORIENTATION_UNKNOWNS + MOTION_UNKNOWNS)
 /* Kinds of cameras without a set: two bits. */
 #define IS_MEASURED 1
 #define IS_EQUIDISTANT 2
@@ -75,7 +70,7 @@ typedef struct {
 #define ROWS_OF_SHARE 4096
 
 /* Partials by the unknowns of a photo in the order of its columns: X0, Y0, Z0, KAPPA, OMEGA, PHI, and its motion. */
-static const int32_t photo_elements[MOST_PHOTO_UNKNOWNS] = {
+static const int32_t photo_elements[ORIENTATION_UNKNOWNS + MOST_MOTION_UNKNOWNS] = {
     PHOTO, PHOTO + 1, PHOTO + 2, ROTATION + 2, ROTATION, ROTATION + 1,
     MOTION, MOTION + 1, MOTION + 2, MOTION + 3, MOTION + 4, MOTION + 5,
 };

@@ -18,14 +18,16 @@
 #define POLYNOMIALS 5
 #define PRODUCTS (POLYNOMIALS * POLYNOMIALS)
 
-/* Where the partials by each group of unknowns begin. Those by the motion of the photo, shifts and turns during a readout,
- * are found where HAS_MOTIONS is defined: the loops are compiled with it and without. */
-enum { CAMERA = 0, COEFFICIENTS = 3, READOUT = 12, PHOTO = 13, ROTATION = 16, POINT = 19, MOTION = 22, MOST_ELEMENTS = 28 };
-#ifdef HAS_MOTIONS
-#define ELEMENTS MOST_ELEMENTS
-#else
-#define ELEMENTS MOTION
+/* How many of the shifts and turns of a photo during a readout are unknowns, shifts first: the loops are compiled with
+ * none, three and six. */
+#define MOST_MOTION_UNKNOWNS 6
+#define MOTION_STEP 3
+#ifndef MOTION_UNKNOWNS
+#define MOTION_UNKNOWNS 0
 #endif
+
+/* Where the partials by each group of unknowns begin. */
+enum { CAMERA = 0, COEFFICIENTS = 3, READOUT = 12, PHOTO = 13, ROTATION = 16, POINT = 19, MOTION = 22, ELEMENTS = MOTION + MOTION_UNKNOWNS };
 
 /* The deformation by a set of additional parameters: dx and dy are sums of products B_i(y) A_j(x) of two polynomials of a
  * coordinate, numbered i times `polynomials` plus j. by_powers: their coefficients by powers of the coordinate; dx, dy:
@@ -327,8 +329,11 @@ INLINE void collinearity(const Ray *ray, int is_equidistant, int at_measured, co
             const Lanes *j = ray->by_turns + axis, shift = -ray->row * g[axis];
             const Lanes of_turn = ray->row * (turn[0] * j[0] + turn[1] * j[3] + turn[2] * j[6]);
             p[READOUT] += shift * ray->motion[axis] + of_turn * ray->motion[3 + axis];
-#ifdef HAS_MOTIONS
-            p[MOTION + axis] = shift, p[MOTION + 3 + axis] = of_turn;
+#if MOTION_UNKNOWNS > 0
+            p[MOTION + axis] = shift;
+#endif
+#if MOTION_UNKNOWNS > 3
+            p[MOTION + 3 + axis] = of_turn;
 #endif
         }
         if (turned) {

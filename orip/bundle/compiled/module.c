@@ -6,7 +6,7 @@
  */
 
 /* What the loops need at most is what those with motions need. */
-#define HAS_MOTIONS
+#define MOTION_UNKNOWNS 6
 
 #include "layout.h"
 #include "turns.h"
@@ -38,8 +38,8 @@ typedef struct {
 /* What is done with a share. */
 typedef void (*Step)(const Call *c, int64_t share, const void *arrays);
 
-/* With the orientations of photos as unknowns, and with motions too. */
-static const Loops *loops = &plain_loops, *moving_loops = &moving_plain_loops;
+/* With so many times three motions of photos as unknowns. */
+static const Loops *loops[] = {&plain_loops, &shifting_plain_loops, &moving_plain_loops};
 
 static int are_all_within(const Arguments *a, int array, int64_t least, int64_t end)
 {
@@ -129,7 +129,7 @@ static int begin(Call *call, PyObject *const *arguments, Py_ssize_t given, const
     }
     const Layout *l = PyCapsule_GetPointer(arguments[0], LAYOUT_NAME);
     call->block = l->block, call->pattern = l->pattern, call->points = l->points;
-    call->loops = l->block.photo_unknowns == MOST_PHOTO_UNKNOWNS ? moving_loops : loops;
+    call->loops = loops[(l->block.photo_unknowns - ORIENTATION_UNKNOWNS) / MOTION_STEP];
     call->turns = PyCapsule_GetPointer(arguments[1], TURNS_NAME);
     return take_arguments(&call->a, arguments + 2, given - 2, kinds, numbers);
 }
@@ -405,7 +405,7 @@ PyMODINIT_FUNC PyInit__observation_loop(void)
 {
 #ifdef HAS_AVX2_LOOPS
     if (__builtin_cpu_supports("avx2"))
-        loops = &avx2_loops, moving_loops = &moving_avx2_loops;
+        loops[0] = &avx2_loops, loops[1] = &shifting_avx2_loops, loops[2] = &moving_avx2_loops;
 #endif
     return PyModule_Create(&definition);
 }

@@ -73,8 +73,8 @@ class PhotoPointLoop(Struct, frozen=True):
     ----------
     points : PhotoPointObservations
     cameras : Cameras
-    photo_columns : array (p, 6) or (p, 12) of int
-        X0, Y0, Z0, KAPPA, OMEGA, PHI, in the order of the columns, then motions where they are unknowns of any photo;
+    photo_columns : array (p, 6), (p, 9) or (p, 12) of int
+        X0, Y0, Z0, KAPPA, OMEGA, PHI, in the order of the columns, then velocities and angular rates where they are unknowns of any photo;
         `CONSTANT` where there is no unknown.
     pattern : Pattern
     block : array (n,) of int
@@ -376,8 +376,10 @@ def photo_loop(points: PhotoPointObservations, unknowns: Unknowns, coordinates: 
     camera_of_photo[points.photo] = points.camera
     cameras = cameras_of_loop(points, unknowns)
     pattern = pattern_of_loop(points.photo, block, of_block, camera_of_photo, len(unknowns.cameras))
-    motions = [unknowns.motions] if points.has_unknown_motions else []
-    of_photos = np.hstack([unknowns.photos[:, _PHOTO_ORDER], *motions])
+    rates_begin = 3
+    with_rates = (unknowns.motions[:, rates_begin:] != CONSTANT).any()
+    motions = unknowns.motions[:, : None if with_rates else rates_begin * points.has_unknown_motions]
+    of_photos = np.hstack([unknowns.photos[:, _PHOTO_ORDER], motions])
     return PhotoPointLoop(
         points,
         cameras,
