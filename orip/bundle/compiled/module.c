@@ -14,7 +14,7 @@
 /* The arguments that all loops have in common, in this order, after the layout and the turns and before their own. */
 enum {
     CAMERAS, DEFORMATION, CENTRES, ROTATIONS, BASES, GROUND, SET_POLYNOMIALS, TERM_FACTORS, XY, ERROR, MOTIONS,
-    CORRECTIONS, ROW_IN_READOUT,
+    MOVED, ROWS_A_MM,
     OBSERVATION_END,
     CAMERA_PLACES = OBSERVATION_END, PHOTO_PLACES, PATTERN_END
 };
@@ -56,16 +56,15 @@ static int take_block(Call *call)
     b->rotations = v[ROTATIONS].buf, b->bases = v[BASES].buf, b->ground = v[GROUND].buf;
     b->by_powers = v[SET_POLYNOMIALS].buf, call->pattern.term_factors = v[TERM_FACTORS].buf;
     b->xy = v[XY].buf, b->error = v[ERROR].buf;
-    b->motions = v[MOTIONS].buf, b->corrections = v[CORRECTIONS].buf, b->row = v[ROW_IN_READOUT].buf;
-    b->turned = v[BASES].len > 0, b->moving = v[ROW_IN_READOUT].len > 0;
+    b->motions = v[MOTIONS].len > 0 ? v[MOTIONS].buf : NULL, b->moved = v[MOVED].buf, b->rows_a_mm = v[ROWS_A_MM].buf;
+    b->turned = v[BASES].len > 0, b->moving = v[ROWS_A_MM].len > 0;
     return has(a, CAMERAS, CAMERA_PARAMETERS * b->camera_count)
         && has(a, DEFORMATION, 2 * PRODUCTS * b->camera_count) && has(a, CENTRES, 3 * b->photo_count) && has(a, ROTATIONS, 9 * b->photo_count)
         && (!b->turned || has(a, BASES, 9 * b->photo_count)) && length_of(a, GROUND) / 3 >= call->points
         && has(a, SET_POLYNOMIALS, POLYNOMIALS * POLYNOMIALS * b->camera_count)
         && has(a, TERM_FACTORS, 2 * MOST_CAMERA_UNKNOWNS * b->camera_count) && has(a, XY, 2 * b->count)
-        && has(a, ERROR, 2 * b->count) && has(a, MOTIONS, b->moving ? 6 * b->photo_count : 0)
-        && has(a, CORRECTIONS, b->moving ? 6 * b->photo_count : 0)
-        && (!b->moving || has(a, ROW_IN_READOUT, b->count));
+        && has(a, ERROR, 2 * b->count) && (!b->motions || has(a, MOTIONS, 6 * b->photo_count))
+        && has(a, MOVED, b->moving ? 6 * b->photo_count : 0) && (!b->moving || has(a, ROWS_A_MM, b->camera_count));
 }
 
 /* The first address from `memory` on at which a line of the cache begins: vectors do not cross lines then. */

@@ -26,6 +26,7 @@ from orip.bundle.compiled.loop_pattern import Cameras, Pattern, blocks_of_points
 from orip.bundle.kinds.photo_point import POINT_PARTIALS, PhotoPointObservations
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
+from orip.records.camera import READOUT
 from orip.threads import at_once, available_threads
 
 try:
@@ -73,6 +74,7 @@ class PhotoPointLoop(Struct, frozen=True):
     ----------
     points : PhotoPointObservations
     cameras : Cameras
+    camera_of_photo : array (p,) of int
     photo_columns : array (p, 6), (p, 9) or (p, 12) of int
         X0, Y0, Z0, KAPPA, OMEGA, PHI, in the order of the columns, then velocities and angular rates where they are unknowns of any photo;
         `CONSTANT` where there is no unknown.
@@ -85,6 +87,7 @@ class PhotoPointLoop(Struct, frozen=True):
 
     points: PhotoPointObservations
     cameras: Cameras
+    camera_of_photo: IntArray
     photo_columns: IntArray
     pattern: Pattern
     block: NDArray[np.int32]
@@ -224,13 +227,19 @@ class PhotoPointLoop(Struct, frozen=True):
     def _observations(self, state: BlockState) -> tuple[object, ...]:
         points, cameras = self.points, self.cameras
         turned, nothing = state.turned_by_angles.any(), np.empty(0)
-        moving = (nothing,) * 3 if points.row is None else (state.motions, state.motion_corrections, points.row)
+        moving = (nothing,) * 3 if points.readout_a_mm is None else self._motions(state, points.readout_a_mm)
         arrays = (
             state.cameras, cameras.deformation(state.additional), state.centres, state.rotations,
             state.rotation_basis() if turned else nothing, state.points, cameras.by_powers, cameras.term_factors,
             points.xy, points.rows.error, *moving,
         )  # fmt: skip
         return tuple(np.ascontiguousarray(array) for array in arrays)
+
+    def _motions(self, state: BlockState, a_mm: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return motions of photos a second, if a readout is unknown, and during it, and the readout of cameras in a mm."""
+        during = state.cameras[self.camera_of_photo, READOUT, None] * state.motions + state.motion_corrections
+        is_unknown = (self.points.unknowns.cameras[:, READOUT] != CONSTANT).any()
+        return state.motions if is_unknown else np.empty(0), during, a_mm
 
     def _places(self, arrangement: Arrangement) -> tuple[IntArray, IntArray]:
         places = np.append(arrangement.places, CONSTANT).astype(np.int32)  # CONSTANT is -1, the last index
@@ -383,6 +392,7 @@ def photo_loop(points: PhotoPointObservations, unknowns: Unknowns, coordinates: 
     return PhotoPointLoop(
         points,
         cameras,
+        camera_of_photo,
         np.ascontiguousarray(of_photos, dtype=np.int32),
         pattern,
         block,
