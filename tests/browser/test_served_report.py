@@ -111,8 +111,8 @@ def test_one_click_leads_to_the_misfit_which_is_measured_again_by_keys(browser, 
     wait(browser, "typeof scene !== 'undefined' && scene && 'P2' in lines && 'P0' in lines")
     assert browser.execute_script("return mark") == pytest.approx([truth[0] + 30.0, truth[1]], abs=1e-3)
     wait(browser, "document.activeElement === plate && document.querySelectorAll('.chip').length === 3")
-    assert "P1: measured, residual 29." in browser.find_element("id", "chips").text
-    assert browser.find_element("id", "answer").text.startswith("T6 in P1: residual 29.")
+    assert "P1: measured, residual 30.0" in browser.find_element("id", "chips").text
+    assert browser.find_element("id", "answer").text.startswith("T6 in P1: residual 30.0")
     wait(browser, "!frames && !chipFrame && [...tiles.values()].every(tile => tile.bitmap)")
     look_at(browser, "misfit")
     browser.execute_script("at('match').checked = false")
