@@ -22,6 +22,7 @@ from orip.adjustment.factorisation.elimination import BlockFactors, Coupling, El
 from orip.adjustment.factorisation.fronts import DissectedMatrix
 from orip.adjustment.factorisation.null_space import Amounts, MovementSums, PointMovements
 from orip.arrays import BoolArray, FloatArray
+from orip.bundle.compiled.loop_arguments import MOVEMENTS, amounts_of, measures, movements, stored, whole
 from orip.bundle.compiled.loop_pattern import Cameras, Pattern, blocks_of_points, cameras_of_loop, pattern_of_loop
 from orip.bundle.kinds.photo_point import POINT_PARTIALS, PhotoPointObservations
 from orip.bundle.state import BlockState
@@ -42,9 +43,6 @@ _PHOTO_ORDER = (0, 1, 2, 5, 3, 4)
 
 _VECTORS = 8
 """As MOST_VECTORS of substitution.h."""
-
-_MOVEMENTS = 8
-"""As MOST_MOVEMENTS of inner_constraints.h."""
 
 _RAYS_OF_A_THREAD = 5000
 """Photo points for which a thread pays: a loop goes through them in one to two milliseconds."""
@@ -76,8 +74,8 @@ class PhotoPointLoop(Struct, frozen=True):
     cameras : Cameras
     camera_of_photo : array (p,) of int
     photo_columns : array (p, 6), (p, 9) or (p, 12) of int
-        X0, Y0, Z0, KAPPA, OMEGA, PHI, in the order of the columns, then velocities and angular rates where they are unknowns of any photo;
-        `CONSTANT` where there is no unknown.
+        X0, Y0, Z0, KAPPA, OMEGA, PHI, in the order of the columns, then velocities and angular rates where they are
+        unknowns of any photo; `CONSTANT` where there is no unknown.
     pattern : Pattern
     block : array (n,) of int
         Which eliminated point each photo point is of, -1 for those of points that are not; the caller adds these.
@@ -111,7 +109,7 @@ class PhotoPointLoop(Struct, frozen=True):
         """Return the normal equations of the points; see `DesignMatrix.block_normals`. `others` is overwritten."""
         found = BlockNormals(*(np.ascontiguousarray(array) for array in others))
         factor = root_weights / self.points.rows.error
-        places = self._places(_whole(layout.reduced))
+        places = self._places(whole(layout.reduced))
         self._compute(compiled.points, *self._observations(state), *places, factor, misclosure, *found)
         return found
 
@@ -138,7 +136,7 @@ class PhotoPointLoop(Struct, frozen=True):
         max_lost_digits, damping : float
         """
         m, b = layout.reduced, layout.blocks
-        arrangement = layout.arrangement or _whole(m)
+        arrangement = layout.arrangement or whole(m)
         matrix = others.matrix.toarray() if layout.arrangement is None else band_of(others.matrix, arrangement)
         columns = arrangement.columns
         diagonal, right = others.matrix.diagonal()[columns], others.right[columns]
@@ -148,8 +146,8 @@ class PhotoPointLoop(Struct, frozen=True):
         self._compute(
             compiled.eliminate, *self._observations(state), *self._places(arrangement), weights, residual,
             np.ascontiguousarray(layout.fixed[m:]), others.blocks, factor, others.block_right, diagonal, right,
-            half, pivots, removed, *_stored(matrix), 10.0**-max_lost_digits, 1.0 + damping,
-            *_measures(matrix),
+            half, pivots, removed, *stored(matrix), 10.0**-max_lost_digits, 1.0 + damping,
+            *measures(matrix),
         )  # fmt: skip
         return EliminatedNormals(
             matrix,
@@ -165,19 +163,19 @@ class PhotoPointLoop(Struct, frozen=True):
         assert isinstance(coupling, StreamedCoupling), "the normal equations are those of this loop"
         assert not isinstance(inverse, DissectedMatrix), "and so is their inverse"
         blocks, leverage = np.empty_like(coupling.half), np.zeros(self.points.xy.size)
-        arrangement = inverse.arrangement if isinstance(inverse, BandMatrix) else _whole(len(inverse))
+        arrangement = inverse.arrangement if isinstance(inverse, BandMatrix) else whole(len(inverse))
         self._compute(
             compiled.precision, *self._observations(coupling.state), *self._places(arrangement), coupling.factor,
-            1.0 / self.points.rows.error, coupling.half, *_stored(inverse), *_amounts(amounts, arrangement), blocks,
-            leverage, *_measures(inverse),
+            1.0 / self.points.rows.error, coupling.half, *stored(inverse), *amounts_of(amounts, arrangement), blocks,
+            leverage, *measures(inverse),
         )  # fmt: skip
         return BlockPrecision(blocks, leverage)
 
     def movement_sums(self, coupling: StreamedCoupling, points: PointMovements) -> MovementSums:
         """Return what eliminated points contribute to the amounts of movements."""
         d = points.coefficients.shape[1]
-        reduced, own = np.zeros((coupling.size, _MOVEMENTS)), np.zeros((_MOVEMENTS, _MOVEMENTS))
-        self._compute(compiled.movements, *self._coupling(coupling), *_movements(points), reduced, own)
+        reduced, own = np.zeros((coupling.size, MOVEMENTS)), np.zeros((MOVEMENTS, MOVEMENTS))
+        self._compute(compiled.movements, *self._coupling(coupling), *movements(points), reduced, own)
         return MovementSums(reduced[:, :d], own[:d, :d])
 
     def forward(self, coupling: StreamedCoupling, points: FloatArray) -> FloatArray:
@@ -236,7 +234,7 @@ class PhotoPointLoop(Struct, frozen=True):
         return tuple(np.ascontiguousarray(array) for array in arrays)
 
     def _motions(self, state: BlockState, a_mm: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return motions of photos a second, if a readout is unknown, and during it, and the readout of cameras in a mm."""
+        """Return motions of photos a second, if a readout is unknown, those during it, and the readout in a mm."""
         during = state.cameras[self.camera_of_photo, READOUT, None] * state.motions + state.motion_corrections
         is_unknown = (self.points.unknowns.cameras[:, READOUT] != CONSTANT).any()
         return state.motions if is_unknown else np.empty(0), during, a_mm
@@ -246,7 +244,7 @@ class PhotoPointLoop(Struct, frozen=True):
         return places[self.cameras.columns], places[self.photo_columns]
 
     def _coupling(self, coupling: StreamedCoupling) -> tuple[object, ...]:
-        return (*self._observations(coupling.state), *self._places(_whole(coupling.size)), coupling.factor,
+        return (*self._observations(coupling.state), *self._places(whole(coupling.size)), coupling.factor,
                 coupling.half)  # fmt: skip
 
 
@@ -320,46 +318,6 @@ def rows_of_blocks(
 def _parts(count: int) -> Iterator[slice]:
     """Yield parts of so many vectors that a loop takes at once."""
     return (slice(start, start + _VECTORS) for start in range(0, count, _VECTORS))
-
-
-def _movements(points: PointMovements) -> tuple[object, ...]:
-    """Return the arrays of the movements of points."""
-    coefficients = np.zeros((3, 4, _MOVEMENTS))
-    coefficients[:, :, : points.coefficients.shape[1]] = np.swapaxes(points.coefficients, 1, 2)
-    others = (np.ascontiguousarray(array) for array in (points.free, points.defining))
-    return (np.ascontiguousarray(points.homogeneous), coefficients, *others)
-
-
-def _amounts(amounts: Amounts | None, arrangement: Arrangement) -> tuple[object, ...]:
-    """Return the arrays of the amounts of movements, those of reduced unknowns in their places; empty without them."""
-    nothing, no_flags = np.empty(0), np.empty(0, dtype=bool)
-    if amounts is None:
-        return nothing, nothing, no_flags, no_flags, nothing, nothing
-    with_reduced = np.zeros((len(arrangement.places), _MOVEMENTS))
-    d = len(amounts.own)
-    with_reduced[:, :d] = amounts.with_reduced[arrangement.columns]
-    half_of_own = np.zeros(_MOVEMENTS)
-    half_of_own[:d] = amounts.own / 2.0
-    return (*_movements(amounts.points), with_reduced, half_of_own)
-
-
-def _whole(size: int) -> Arrangement:
-    """Return the arrangement of a full matrix."""
-    return Arrangement(np.arange(size), size, size)
-
-
-def _stored(matrix: Symmetric) -> tuple[FloatArray, FloatArray]:
-    """Return band and border of a matrix; a full one is a band alone."""
-    found = (matrix.band, matrix.border) if isinstance(matrix, BandMatrix) else (matrix, np.empty(0))
-    return np.ascontiguousarray(found[0]), np.ascontiguousarray(found[1])
-
-
-def _measures(matrix: Symmetric) -> tuple[int, int, int]:
-    """Return the stride of columns in memory, the number of banded places and the number of all."""
-    size = len(matrix)
-    if isinstance(matrix, BandMatrix):
-        return matrix.arrangement.width, matrix.arrangement.banded, size
-    return size, size, size
 
 
 def is_compiled() -> bool:

@@ -130,8 +130,8 @@ class PhotoPointObservations(Observations, frozen=True):
             residual.ravel(), partials.reshape(len(residual.ravel()), -1), np.repeat(image.in_front, 2)
         )
 
-    def moving_image(self, state: BlockState) -> MovingImage:
-        """Return the ideal coordinates, each at the time of its row."""
+    def moving_image(self, state: BlockState, row: float | None = None) -> MovingImage:
+        """Return the ideal coordinates, each at the time of its row, or all of one."""
         offset = state.points[self.point] - state.centres[self.photo]
         rotation, parameters = state.rotations[self.photo], state.cameras[self.camera]
         if self.readout_a_mm is None:
@@ -142,7 +142,8 @@ class PhotoPointObservations(Observations, frozen=True):
         motion = parameters[:, READOUT, None] * steady + state.motion_corrections[self.photo]
         found = moving_image_with_partials(
             offset, rotation, parameters[:, 0], self.is_equidistant, Motion(motion[:, :3], motion[:, 3:]),
-            rows_of_readout(self.readout_a_mm, self.xy, self.camera), np.ones(len(motion)),
+            rows_of_readout(self.readout_a_mm, self.xy, self.camera) if row is None else np.full(len(motion), row),
+            np.ones(len(motion)),
         )  # fmt: skip
         by_readout = found.by_velocity @ steady[:, :3, None] + found.by_rate @ steady[:, 3:, None]
         return found._replace(by_readout=by_readout[:, :, 0])
