@@ -152,7 +152,7 @@ def read_spoilt(reader: Reader, sample: str, path: Path, seed: int, edits: int) 
 
 @READERS
 @SPOILT
-@settings(ANY_FILE, max_examples=200)
+@settings(ANY_FILE, max_examples=100)
 def test_nearly_valid_text_is_read_or_complained_of(
     tmp_path: Path, reader: Reader, sample: str, seed: int, edits: int
 ) -> None:
@@ -290,7 +290,7 @@ def use_spoilt(project: Path, folder: Path, name: str, seed: int, edits: int) ->
 
 @pytest.mark.parametrize("name", TEXTS)
 @SPOILT
-@settings(ANY_FILE, max_examples=6)
+@settings(ANY_FILE, max_examples=4)
 def test_spoilt_text_is_used_or_changes_nothing(
     project: Path, tmp_path: Path, name: str, seed: int, edits: int
 ) -> None:

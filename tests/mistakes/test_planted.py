@@ -9,7 +9,7 @@ from mistakes.planted.study import Case, cases, outcome, said_of
 FIXED = [
     ("one_photo_y_mirrored", "strip"),
     ("one_photo_x_mirrored", "flat strip"),
-    ("one_photo_x_for_y", "two strips given"),
+    pytest.param("one_photo_x_for_y", "two strips given", marks=pytest.mark.long),
     ("one_photo_x_for_y", "object"),
     ("all_photos_y_mirrored", "two strips"),
     ("two_photos_exchanged", "two strips given"),
@@ -21,7 +21,7 @@ FIXED = [
     ("tenth_of_micrometres", "test field"),
     ("micrometres_without_frame", "pair"),
     ("pixels_as_millimetres", "facade"),
-    ("half_resolution", "object"),
+    pytest.param("half_resolution", "object", marks=pytest.mark.long),
     ("precision_in_metres", "strip"),
     ("kappa_turned", "strip given"),
     ("kappa_turned", "facade given"),
