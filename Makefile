@@ -84,7 +84,7 @@ test: $(READY)
 
 .PHONY: test-all
 test-all: $(READY)
-	$(BIN)/python -m pytest -q -n 2 -m '' $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -q -n 2 -m '' --hypothesis-profile='many examples' $(PYTEST_ARGS)
 
 # under other kernels of OpenBLAS than the tests, and without the compiled loop over photo points
 KERNELS :=

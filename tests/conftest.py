@@ -12,8 +12,10 @@ from hypothesis import HealthCheck, settings
 from workflow.small_projects import first_project
 
 # how long an example takes depends on the machine and on what else it does, and is no fault
-settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
-settings.load_profile("any machine")
+ON_ANY_MACHINE = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("few examples", ON_ANY_MACHINE, max_examples=30)
+settings.register_profile("many examples", ON_ANY_MACHINE, max_examples=200)  # of 'make test-all'
+settings.load_profile("few examples")
 
 # a shell starts what it runs in the background with SIGINT ignored, and programs that a test starts would ignore it too
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
