@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import signal
 from collections.abc import Iterator
 from pathlib import Path
@@ -44,8 +45,15 @@ def initialised(project: Path) -> Path:
     return project
 
 
+@pytest.fixture(scope="session")
+def adjusted_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder that is only copied."""
+    folder = first_project(tmp_path_factory.mktemp("adjusted") / "first")
+    assert orip(folder, "run").code == 0
+    return folder
+
+
 @pytest.fixture
-def adjusted(project: Path) -> Path:
+def adjusted(project: Path, adjusted_once: Path) -> Path:
     """The folder of `project` after ``orip run``."""
-    assert orip(project, "run").code == 0
-    return project
+    return Path(shutil.copytree(adjusted_once, project, dirs_exist_ok=True))
