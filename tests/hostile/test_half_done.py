@@ -43,7 +43,7 @@ def test_killed_in_the_midst_there_is_all_or_nothing_and_the_same_command_works_
     assert os.waitstatus_to_exitcode(fork(_with(place / "p", is_there), given, Steps(0))) == 0
     steps, whole = int((place / "steps").read_text()), _names(place / "p" / "new")
     assert steps > 4
-    for step in range(1, steps + 1, 1 + steps // (3 if words.startswith("adjust") else 6)):
+    for step in range(1, steps + 1, 1 + steps // (2 if words.startswith("adjust") else 6)):
         project = _with(place / "p", is_there)
         assert os.WIFSIGNALED(fork(project, given, Steps(step)))
         assert _names(project / "new") in (set(), whole), f"killed at step {step} of {steps}"

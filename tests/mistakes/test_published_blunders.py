@@ -22,7 +22,7 @@ NAMED = [
     ("strasbourg stations", "camera constant", 0),
     ("strasbourg stations", "another lens", 0),
     ("strasbourg stations", "check point", 0),
-    ("strasbourg thinned", "another lens", 0),
+    pytest.param("strasbourg thinned", "another lens", 0, marks=pytest.mark.long),
 ]
 
 

@@ -291,17 +291,19 @@ def test_files_of_a_trajectory(flown, truth):
 
 def test_what_people_mistake_is_said(tmp_path, flown, truth):
     imu, fixes = observed(truth, MEMS, np.random.default_rng(1))
+    written(tmp_path, truth, imu, fixes)
     for change, words, text in [
-        ({"force": 1 / 9.80665}, (), "they are probably in g: --force-unit g"),
         ({}, ("--force-unit", "g"), "they are probably in m/s²"),
-        ({"late": 86400.0}, (), "samples and positions have 0 s in common"),
         ({}, ("--columns", "time,fx"), "write each of time,fx,fy,fz,wx,wy,wz once"),
         ({}, ("--noise", "good"), "write one of mems, tactical, navigation"),
         ({}, ("--lever-arm", "1,2"), "write three numbers"),
         ({}, ("--time", "local"), "write one of gps, week, unix-gps, unix-utc"),
         ({}, ("-o", "flight.pos"), "is a file that is read; name another"),
+        ({"force": 1 / 9.80665}, (), "they are probably in g: --force-unit g"),
+        ({"late": 86400.0}, (), "samples and positions have 0 s in common"),
     ]:
-        written(tmp_path, truth, imu, fixes, **change)
+        if change:
+            written(tmp_path, truth, imu, fixes, **change)
         said = orip(tmp_path, "imu", "imu.csv.gz", "flight.pos", *words)
         assert said.code != 0
         assert text in said.err
