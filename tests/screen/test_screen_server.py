@@ -138,6 +138,32 @@ def test_run_and_status_name_the_command_that_shows_the_worst_misfit(project: Pa
     assert ("orip screen shows where" in status) == ("doubtful" in status)
 
 
+def test_the_report_is_served_and_leads_to_the_images(project: Path, rendered: Rendered) -> None:
+    x, y = rendered.pixel(1, (0.44, 0.49))
+    with served(project) as server:
+        status, page = asked(server.url, "report")
+        assert status == 200
+        assert b"bundle MAIN has not been adjusted yet; run &#x27;orip solve&#x27; first" in page
+        with (project / "plane.MEA").open("a") as file:
+            file.write(f"POINTS MAIN P1\n  T6 {x + 30.0:.4f} {y:.4f}\n")
+        orip(project, "run")
+        page = asked(server.url, "report")[1].decode()
+        assert '<a href="./#photo=P1&amp;point=T6">photo P1 point T6</a>' in page
+        assert '<a href="./#point=C3">control point C3</a>' in page
+        assert '<a href="./#photo=P2"><svg' in page
+        assert "This is the last adjustment, which" not in page
+        assert asked(server.url, "report")[1].decode() == page
+        asked(server.url, "measure", {"photo": "P1", "point": "T6", "x": x, "y": y})
+        assert (
+            "out of date (changed since: EDITS.MEA): orip run makes the next."
+            in asked(server.url, "report")[1].decode()
+        )
+        assert asked(server.url.replace(server.token, "x" * 22), "report")[0] == 403
+    on_disk = (project / "report.html").read_text()
+    assert 'href="./' not in on_disk
+    assert "<code>orip screen --at P1/T6</code>" in on_disk
+
+
 def test_what_is_shown_first_is_behind_the_address(project: Path) -> None:
     plates = plates_of(read_project(project, "definitions"), None)
     assert shown_first("P1/T6", plates) == "photo=P1&point=T6"
