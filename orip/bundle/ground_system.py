@@ -71,7 +71,7 @@ def control_on_a_line(solved: SolvedBlock) -> Iterator[Diagnosis]:
     if len(rows) < _ON_A_LINE or not np.isfinite(control).all():
         return
     centre = control.mean(axis=0)
-    along = np.linalg.svd(control - centre)[2][0]
+    along = np.linalg.svd(control - centre, full_matrices=False)[2][0]
     off, away = (
         np.linalg.norm(part - centre - np.outer((part - centre) @ along, along), axis=1) for part in (control, every)
     )
