@@ -10,6 +10,10 @@
 .SUFFIXES:
 .DEFAULT_GOAL := help
 
+# Python keeps its bytecode, whatever is set outside: the tests start commands by the hundred, and pytest, which rewrites
+# the assertions of every module, needs 25 seconds to find the tests where it has to do so again.
+unexport PYTHONDONTWRITEBYTECODE
+
 VENV := .venv
 BIN := $(VENV)/bin
 # Written last: say for which folder, and for which text of pyproject.toml, setup.py, Makefile and C sources, .venv has
@@ -74,24 +78,19 @@ demo: $(RUNS)
 	@[ '$(SAMPLE)' = '$(SECOND_SAMPLE)' ] || { echo; \
 	  echo 'Next: make SAMPLE=$(SECOND_SAMPLE) demo     real photos with control points that are wrong, which orip names'; }
 
-# the tests start commands by the hundred; where Python writes no bytecode each of them would compile orip again
-.PHONY: bytecode
-bytecode: $(READY)
-	@$(BIN)/python -m compileall -qq -j 0 orip
-
 .PHONY: test
-test: bytecode
+test: $(READY)
 	$(BIN)/python -m pytest -q -n 2 $(PYTEST_ARGS)
 
 .PHONY: test-all
-test-all: bytecode
-	$(BIN)/python -m pytest -q -n 2 -m '' $(PYTEST_ARGS)
+test-all: $(READY)
+	$(BIN)/python -m pytest -q -n 2 -m '' --hypothesis-profile='many examples' $(PYTEST_ARGS)
 
 # under other kernels of OpenBLAS than the tests, and without the compiled loop over photo points
 KERNELS :=
 
 .PHONY: test-kernels
-test-kernels: bytecode
+test-kernels: $(READY)
 	PYTHONPATH=tests $(BIN)/python tests/kernels/run.py $(KERNELS)
 
 # the C extensions built with gcc's address and undefined-behaviour sanitizers; says what is missing where that cannot be

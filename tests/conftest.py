@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import signal
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,8 +13,10 @@ from hypothesis import HealthCheck, settings
 from workflow.small_projects import first_project
 
 # how long an example takes depends on the machine and on what else it does, and is no fault
-settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
-settings.load_profile("any machine")
+ON_ANY_MACHINE = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("few examples", ON_ANY_MACHINE, max_examples=30)
+settings.register_profile("many examples", ON_ANY_MACHINE, max_examples=200)  # of 'make test-all'
+settings.load_profile("few examples")
 
 # a shell starts what it runs in the background with SIGINT ignored, and programs that a test starts would ignore it too
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -42,8 +45,15 @@ def initialised(project: Path) -> Path:
     return project
 
 
+@pytest.fixture(scope="session")
+def adjusted_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder that is only copied."""
+    folder = first_project(tmp_path_factory.mktemp("adjusted") / "first")
+    assert orip(folder, "run").code == 0
+    return folder
+
+
 @pytest.fixture
-def adjusted(project: Path) -> Path:
+def adjusted(project: Path, adjusted_once: Path) -> Path:
     """The folder of `project` after ``orip run``."""
-    assert orip(project, "run").code == 0
-    return project
+    return Path(shutil.copytree(adjusted_once, project, dirs_exist_ok=True))

@@ -15,6 +15,8 @@ from orip.cli.terminal import Style, Terminal
 from orip.errors import INTERRUPTED, GateError, NotSolvableError, ProjectWarning, UsageError
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from orip.bundle.methods import Method
     from orip.bundle.verdict import Level
     from orip.records.block import Block
@@ -199,10 +201,24 @@ def tell_solution(terminal: Terminal, solved: Committed[SolveOutcome]) -> None:
         else:
             terminal.result(line.label, line.text, style)
     if outcome.worst:
-        terminal.result("look", f"orip screen --at {shlex.quote(outcome.worst)} shows the worst misfit in its picture")
+        terminal.result("look", _where_to_look(terminal, project.folder, *outcome.worst))
     terminal.warn(warning for warning in warnings if warning.code in REMINDERS)
     same = "" if solved.changed else "; unchanged: the store holds this solution already"
     terminal.result("wrote", f"{', '.join(project.shown(path) for path in files)}{same}")
+
+
+def _where_to_look(terminal: Terminal, folder: Path, photo: str, point: str) -> str:
+    """Return how to see the worst misfit: by the command, or on the page that is open already."""
+    from urllib.parse import urlencode
+
+    from orip.workflow.open_screen import open_screen
+
+    page = open_screen(folder)
+    if not page:
+        return f"orip screen --at {shlex.quote(f'{photo}/{point}')} shows the worst misfit in its picture"
+    # whoever else reads the output could measure by the address
+    where = f"{page}#{urlencode({'photo': photo, 'point': point})}" if terminal.is_terminal else "the open orip screen"
+    return f"{where} shows the worst misfit, {point} in {photo}, in its picture"
 
 
 def exit_code(outcome: SolveOutcome, *, all_wanted: bool) -> int:

@@ -132,6 +132,7 @@ def _register_status(app: typer.Typer) -> None:
 
 def show(invocation: Invocation, link: str | None = None) -> None:
     """Print the state of the project on stdout."""
+    from orip.workflow.open_screen import open_screen
     from orip.workflow.project.state import read_project
     from orip.workflow.status import STATUS_FROM, observation_loop, project_status
 
@@ -164,5 +165,8 @@ def show(invocation: Invocation, link: str | None = None) -> None:
         terminal.data("next     nothing: everything is up to date")
     else:
         terminal.data(f"next     {'orip run  (or step by step: orip init)' if untouched else found.next_command}")
+    if page := open_screen(found.project.folder):
+        where = f"{page}report leads to the images" if terminal.is_terminal else "open; a terminal is told the address"
+        terminal.data(f"screen   {where}")
     if terminal.verbose:
         terminal.data(f"loop     {observation_loop()}")

@@ -245,6 +245,11 @@ class Terminal(Struct, frozen=True):
             self.data(text)
 
     @property
+    def is_terminal(self) -> bool:
+        """Tell whether somebody reads what is printed on stdout."""
+        return sys.stdout.isatty()
+
+    @property
     def columns(self) -> int | None:
         """Return the width of messages; None where they do not go to a terminal and lines are not broken."""
         return _columns_of(sys.stderr)

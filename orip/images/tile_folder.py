@@ -11,9 +11,7 @@ from numpy.typing import NDArray
 from orip.files.text.atomic import remove_leftovers, replace_bytes
 from orip.files.text.own_files import make_folder, remove_file
 from orip.files.text.regular_file import open_regular, regular_bytes
-
-TILE_FOLDER = ".orip-tiles"
-"""In the project folder; it may be deleted at any time."""
+from orip.images import TILE_FOLDER
 
 MOST_BYTES = 4 << 30
 """That are kept: photos of 24 megapixels have 24 MB of grey values and some 15 MB of tiles each."""

@@ -80,13 +80,16 @@ class TileStore:
         self._folder = TileFolder(project)
         self._decoded: OrderedDict[str, NDArray[np.uint8]] = OrderedDict()
         self._right: set[tuple[str, tuple[int, int]]] = set()
+        self._shown: dict[Path, str] = {}
         self._lock = threading.Lock()
         # what a decoder gives back stays with its thread: with one for each request memory would be twice as much
         self._decoder = ThreadPoolExecutor(1, "decoder")
 
     def tile(self, image: StoredImage, name: TileName) -> bytes:
         """Return a tile as JPEG; raise an `InputError` also if there is no such tile."""
-        file = f"{self._key(image)}-{name.level}-{name.column}-{name.row}.jpg"
+        key = self._key(image)
+        self._shown.setdefault(image.path, key)
+        file = f"{key}-{name.level}-{name.column}-{name.row}.jpg"
         if (kept := self._folder.read(file)) is not None:
             return kept
         rows, columns = (slice(at * TILE, (at + 1) * TILE) for at in (name.row, name.column))
@@ -148,8 +151,14 @@ class TileStore:
             self._decoded.popitem(last=False)
 
     def require_as_found(self, image: StoredImage) -> None:
-        """Refuse an image that cannot be read, or has another size meanwhile."""
-        self._key(image)
+        """Refuse an image that cannot be read, has another size meanwhile, or, once, is no longer that of its tiles."""
+        key = self._key(image)
+        if self._shown.setdefault(image.path, key) != key:
+            self._shown[image.path] = key
+            message = (
+                "the image has been replaced since it was shown: load the page again, and measure in what it shows"
+            )
+            raise InputError.single(message, image.shown)
 
     def _key(self, image: StoredImage) -> str:
         """Return a digest of an image's path, size and time: an image that has changed has another one."""

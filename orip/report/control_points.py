@@ -58,7 +58,14 @@ def compared_table(given: ReportInput, kind: ComparedKind, rows: IntArray | None
 
     rms = of(whole.rms)
     columns = [
-        PageColumn("Point", points.names, key="name" if kind == "check" else "", words=True, foot="RMS"),
+        PageColumn(
+            "Point",
+            points.names,
+            key="name" if kind == "check" else "",
+            words=True,
+            foot="RMS",
+            links={name: given.place(point=name) for name in points.names},
+        ),
         PageColumn("Rays", [str(rays) for rays in points.rays]),
     ]
     for axis, name in enumerate(AXES):

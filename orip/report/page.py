@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import re
+import shlex
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
-from functools import cache
+from functools import cache, partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from orip.bundle.verdict import GlobalTest, sigma0_test
 from orip.errors import ProjectWarning, by_kind
@@ -52,7 +54,7 @@ from orip.report.report_input import CHIP_PIXELS, ReportInput
 from orip.report.run_mark import RUN_NAME
 from orip.report.table import counted
 from orip.report.templates import kept, rendered, template_source
-from orip.report.trouble import blunder_table, singular_table, suspect_table, weak_table
+from orip.report.trouble import blunder_table, singular_table, suspect_table, weak_table, worst_in_photo
 from orip.version import __version__
 
 _TIMES = 2.0
@@ -60,9 +62,14 @@ _ARM, _GAP, _RADIUS = 14.0, 4.0, 6.0
 _ROOM_FOR_WORDS = 30.0
 
 
-def chip_drawings(chips: Sequence[Chip]) -> tuple[Markup, ...]:
+def chip_drawings(given: ReportInput, chips: Sequence[Chip]) -> tuple[Markup, ...]:
     """Return a drawing of each chip: a cross at the measured place, a ring at the adjusted one."""
-    return tuple(_drawing(chip) for chip in chips)
+    return tuple(_leading(_drawing(chip), given.place(chip.photo, chip.point)) for chip in chips)
+
+
+def _leading(picture: Markup, address: str) -> Markup:
+    """Return a drawing that is a link where there is an address."""
+    return Markup('<a href="{}">{}</a>').format(address, picture) if address else picture
 
 
 def _drawing(chip: Chip) -> Markup:
@@ -90,6 +97,15 @@ def _chip_parts(chip: Chip, side: float) -> Iterator[str]:
         yield element("circle", cx=u, cy=v, r=_RADIUS, class_=style)
 
 
+_NAMED_PLACE = re.compile(r"(?:photo (\S+))?(?: ?(?:control )?point (\S+))?")
+
+
+def _named_place(given: ReportInput, where: str) -> Markup:
+    """Return what a finding is about: a link where that is a photo or a point, and the page has such links."""
+    found = _NAMED_PLACE.fullmatch(where)
+    return _leading(escape(where), given.place(found[1] or "", found[2] or "") if found else "")
+
+
 MOST_BYTES = 6_000_000
 """Largest size of a page; for 500 photos and 50 000 points it is kept by drawing and listing fewer of them."""
 
@@ -108,6 +124,8 @@ def _content(given: ReportInput) -> dict[str, Any]:
     pictures = report_pictures(given)
     vectors = vector_sheets(given, thumbnails=pictures.thumbnails)
     anchors = photo_anchors(vectors)
+    links = {name: given.place(name) or f"#{at}" for name, at in anchors.items()}
+    worst = worst_in_photo(given) if given.pictures is not None else ""
     return {
         "version": __version__,
         "run_name": RUN_NAME,
@@ -120,13 +138,18 @@ def _content(given: ReportInput) -> dict[str, Any]:
         "bundle": given.bundle,
         "precision": f"{given.bundle.measurement_precision.value:g} {given.bundle.measurement_precision.unit}",
         **_trust(given),
-        **_observations(given, anchors),
-        **_unknowns(given, anchors),
+        **_observations(given, links),
+        **_unknowns(given, links),
         "vectors": vectors,
         "anchors": anchors,
         "pictures": pictures.note,
-        "chips_of_control": chip_drawings(pictures.of_control),
-        "chips_of_worst": chip_drawings(pictures.of_worst),
+        "drawn": {name: _leading(picture, given.place(name)) for sheet in vectors for name, picture in sheet.photos},
+        "led_to": partial(_named_place, given),
+        "screen": given.screen,
+        "notice": given.notice,
+        "look": f"orip screen --at {shlex.quote(worst)}" if worst else "",
+        "chips_of_control": chip_drawings(given, pictures.of_control),
+        "chips_of_worst": chip_drawings(given, pictures.of_worst),
         "strong": STRONG,
         "block": _as_data(block_view(given)),
         "size": _size(solution),
@@ -150,13 +173,13 @@ def _trust(given: ReportInput) -> dict[str, Any]:
     }
 
 
-def _observations(given: ReportInput, anchors: Mapping[str, str]) -> dict[str, Any]:
+def _observations(given: ReportInput, links: Mapping[str, str]) -> dict[str, Any]:
     """Return what the residuals show: how well the observations fit, and which do not."""
     solution = given.solution
     return {
         "groups": group_table(solution),
         "histograms": residual_histograms(solution),
-        "photo_residuals": photo_residual_table(given, anchors),
+        "photo_residuals": photo_residual_table(given, links),
         "variance_components": variance_component_table(solution),
         "control_points": compared_table(given, "control"),
         "check_points": compared_table(given, "check"),
@@ -164,10 +187,10 @@ def _observations(given: ReportInput, anchors: Mapping[str, str]) -> dict[str, A
         "trouble": [
             table
             for table in (
-                blunder_table(solution),
-                suspect_table(given, anchors),
+                blunder_table(given),
+                suspect_table(given, links),
                 singular_table(solution),
-                weak_table(solution),
+                weak_table(given),
             )
             if table is not None
         ],
@@ -175,13 +198,13 @@ def _observations(given: ReportInput, anchors: Mapping[str, str]) -> dict[str, A
     }
 
 
-def _unknowns(given: ReportInput, anchors: Mapping[str, str]) -> dict[str, Any]:
+def _unknowns(given: ReportInput, links: Mapping[str, str]) -> dict[str, Any]:
     """Return the adjusted unknowns and their precision."""
     solution = given.solution
     return {
         "spreads": spreads(solution),
-        "points": point_table(solution, given.test_level),
-        "photos": photo_table(solution, anchors),
+        "points": point_table(given),
+        "photos": photo_table(solution, links),
         "zero_directions": zero_direction_table(solution),
         "figures": figure_table(solution),
         "antennas": antenna_table(solution),

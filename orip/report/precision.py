@@ -63,16 +63,18 @@ def spreads(solution: Solution) -> tuple[Spread, ...]:
     return tuple(spread for spread in (*points, *places) if spread is not None)
 
 
-def point_table(solution: Solution, test_level: float | None = None) -> PageTable:
+def point_table(given: ReportInput) -> PageTable:
     """Return the points by interest: control, check, doubted, then the others, the least precise first.
 
     If they are very many, the last ones are left out.
     """
+    solution = given.solution
     points, unit = solution.points, solution.ground_unit
-    rows = _by_interest(solution, test_level)[:MOST_POINTS].tolist()
+    rows = _by_interest(solution, given.test_level)[:MOST_POINTS].tolist()
     decimals = decimals_of_most(points.sd)
+    names = [points.names[row] for row in rows]
     columns = [
-        PageColumn("Point", [points.names[row] for row in rows], words=True),
+        PageColumn("Point", names, words=True, links={name: given.place(point=name) for name in names}),
         PageColumn("Kind", list(coded(solution.point_kinds)[rows]), key="kind", words=True),
         PageColumn("Rays", [str(solution.point_rays[row]) for row in rows], key="rays"),
     ]

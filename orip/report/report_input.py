@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
+from urllib.parse import urlencode
 
 import numpy as np
 from msgspec import Struct, field
@@ -128,6 +129,10 @@ class ReportInput(Struct, frozen=True, dict=True):
         Images of photos that cannot be used.
     pictures : PictureSource or None
         Pictures of photos for the page; None: it has none.
+    screen : str
+        Address of the page of `orip screen`, where that serves the report: what is named leads to it. Empty: a file.
+    notice : str
+        What is said before all else, that the solution is out of date for example.
     """
 
     solution: Solution
@@ -142,6 +147,17 @@ class ReportInput(Struct, frozen=True, dict=True):
     test_level: float | None = None
     image_warnings: tuple[ProjectWarning, ...] = ()
     pictures: PictureSource | None = None
+    screen: str = ""
+    notice: str = ""
+
+    def place(self, photo: str = "", point: str = "") -> str:
+        """Return the address that shows a photo, a point in it, or a point where it is seen best; empty in a file."""
+        known = {key: name for key, name in (("photo", photo), ("point", point)) if name in self._names[key]}
+        return f"{self.screen}#{urlencode(known)}" if self.screen and known else ""
+
+    @cached_property
+    def _names(self) -> Mapping[str, frozenset[str]]:
+        return {"photo": frozenset(self.solution.photos.names), "point": frozenset(self.solution.points.names)}
 
     @cached_property
     def photo_vectors(self) -> Mapping[str, PhotoVectors]:

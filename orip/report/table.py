@@ -126,7 +126,7 @@ class PageColumn(Struct, frozen=True):
     foot : str
         Below the last row, where the table has a foot.
     links : mapping of str to str
-        Cells that lead to another part of the page, and its id.
+        Cells that lead to another part of the page, or to another page, and its address.
     """
 
     heading: str
@@ -200,6 +200,8 @@ def _cells(column: PageColumn, tag: str, attributes: str = "", cells: Sequence[s
     # one call for all cells, parted by a character that no text has
     texts = str(escape(_BETWEEN.join(given))).split(_BETWEEN) if given else []
     if column.links:
-        ids = (column.links.get(cell) for cell in given)
-        texts = [f'<a href="#{at}">{text}</a>' if at else text for text, at in zip(texts, ids, strict=True)]
+        addresses = (column.links.get(cell) for cell in given)
+        texts = [
+            f'<a href="{escape(at)}">{text}</a>' if at else text for text, at in zip(texts, addresses, strict=True)
+        ]
     return [f"{opening}{text}</{tag}>" for text in texts]

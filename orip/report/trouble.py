@@ -88,19 +88,18 @@ _MOST_BY_HAND = 60
 _NAMED = 12
 
 
-def blunder_table(solution: Solution) -> PageTable | None:
+def blunder_table(given: ReportInput) -> PageTable | None:
     """Return the blunders that data snooping found and left out."""
+    solution = given.solution
     found = solution.blunders
     if not found:
         return None
+    names = [named_observation(blunder.kind, blunder.photo, blunder.point, blunder.component) for blunder in found]
+    links = {name: given.place(blunder.photo, blunder.point) for name, blunder in zip(names, found, strict=True)}
     others = [blunder.alternatives for blunder in found]
     columns = (
         PageColumn("No.", [str(blunder.order) for blunder in found], key="order"),
-        PageColumn(
-            "Observation",
-            [named_observation(blunder.kind, blunder.photo, blunder.point, blunder.component) for blunder in found],
-            words=True,
-        ),
+        PageColumn("Observation", names, words=True, links=links),
         PageColumn("Component", [blunder.component for blunder in found], key="component", words=True),
         PageColumn("Size", [fixed(blunder.size, decimals_of_most([blunder.sd])) for blunder in found], key="size"),
         PageColumn("sd", [significant(blunder.sd, 2) for blunder in found], key="sd"),
@@ -131,9 +130,10 @@ def suspect_table(given: ReportInput, anchors: Mapping[str, str] = NO_LINKS) -> 
     )
     names = [observation_of(residuals, row) for row in shown]
     links = {
-        name: anchors[photo]
-        for name, photo in zip(names, _picked(residuals.photo, shown), strict=True)
-        if photo in anchors
+        name: given.place(photo, point) or anchors.get(photo, "")
+        for name, photo, point in zip(
+            names, _picked(residuals.photo, shown), _picked(residuals.point, shown), strict=True
+        )
     }
     columns = (
         PageColumn("Observation", names, words=True, links=links),
@@ -148,6 +148,13 @@ def suspect_table(given: ReportInput, anchors: Mapping[str, str] = NO_LINKS) -> 
     )
     emphasised = frozenset(np.flatnonzero(down[shown]).tolist())
     return PageTable("", "Observations that do not fit", columns, note.strip(), emphasised, _SUSPECTS_ON_PAPER)
+
+
+def worst_in_photo(given: ReportInput) -> str:
+    """Return the photo point that fits least of those that do not, as `orip screen --at` takes it; empty: all fit."""
+    residuals = given.solution.residuals
+    rows = (row for row in suspect_rows(given.solution, given.test_level).tolist() if residuals.kind[row] == "photo")
+    return next((f"{residuals.photo[row]}/{residuals.point[row]}" for row in rows), "")
 
 
 def _level(test_level: float | None) -> str:
@@ -181,16 +188,16 @@ def singular_table(solution: Solution) -> PageTable | None:
     return PageTable("singular", "Unknowns that nothing determines", columns, note)
 
 
-def weak_table(solution: Solution) -> PageTable | None:
+def weak_table(given: ReportInput) -> PageTable | None:
     """Return what would go unnoticed or is much worse than the rest: single rays, unchecked points, large sd."""
-    spots = weak_spots(solution)
+    spots = weak_spots(given.solution)
     if not spots:
         return None
     shown = spots[:MOST_WEAK]
+    where = [f"{spot.where}: {spot.names}" if spot.names else spot.where for spot in shown]
+    links = {name: given.place(point=name.partition("point ")[2]) for name in where}
     columns = (
-        PageColumn(
-            "Where", [f"{spot.where}: {spot.names}" if spot.names else spot.where for spot in shown], words=True
-        ),
+        PageColumn("Where", where, words=True, links=links),
         PageColumn("What is weak", [spot.what for spot in shown], words=True),
         PageColumn("What to do", [spot.remedy for spot in shown], words=True),
     )

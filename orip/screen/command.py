@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,7 +10,7 @@ import typer
 
 from orip.annexes import MEASURING_ONLINE, STEREO_MODELS, annex
 from orip.cli.options import BundleArgument, Invocation, command
-from orip.errors import LockedError, UsageError
+from orip.errors import UsageError
 from orip.threads import limited_threads
 from orip.web import ANY_PORT
 
@@ -65,35 +64,6 @@ def shown_first(at: str, plates: Mapping[str, Plate]) -> str:
     raise UsageError(message)
 
 
-@contextmanager
-def only_screen(folder: Path) -> Iterator[None]:
-    """Keep other screens from the project meanwhile.
-
-    Raises
-    ------
-    LockedError
-        If another one has it.
-    """
-    from orip.files.text.own_files import locked, make_file, make_folder
-    from orip.images.tile_folder import TILE_FOLDER
-
-    path = folder / TILE_FOLDER / "screen"
-    with ExitStack() as held:
-        try:
-            make_folder(path.parent)
-            make_file(path)
-            held.enter_context(locked(path, "the project", timeout=0.0))
-        except LockedError:
-            message = (
-                "the project is on another screen: measure on that page, or end the 'orip screen' that serves it "
-                "(Ctrl-C) and repeat the command"
-            )
-            raise LockedError(message) from None
-        except OSError:  # a project that cannot be written to: what is measured there will say so
-            pass
-        yield
-
-
 def _measuring_screen(
     _: Terminal, state: ProjectState, bundle: str | None, plates: Mapping[str, Plate]
 ) -> MeasuringScreen:
@@ -141,7 +111,8 @@ def register(app: typer.Typer) -> None:
         """Measure in the images of the photos, in the browser: points, control, what does not fit.
 
         Every measurement is in EDITS.MEA before the page shows it, and is tested at once as by 'orip online'. The page
-        can be seen only from this machine; Ctrl-C ends it.
+        can be seen only from this machine, and has the report of the last adjustment, in which every misfit, point and
+        photo leads to its image; Ctrl-C ends it.
 
         With --stereo the two photos of a model lie side by side, or in one picture, under a floating mark; what is
         measured goes to STEREO.STE, for 'orip restitute compute'.
@@ -149,8 +120,10 @@ def register(app: typer.Typer) -> None:
         Example: orip screen
         """
         from orip.screen.plates import plates_of
-        from orip.web.access import listening_address
+        from orip.screen.served_report import ServedReport
+        from orip.web.access import listening_address, page_kept
         from orip.web.serving import page_server, serve_until_ended
+        from orip.workflow.open_screen import only_screen
         from orip.workflow.project.state import read_project
 
         address = listening_address(listen, ", which is where the page can be seen")
@@ -161,7 +134,11 @@ def register(app: typer.Typer) -> None:
         with limited_threads(invocation.terminal.threads), only_screen(state.project.folder):
             begin = _stereo_screen if stereo else _measuring_screen
             screen = begin(invocation.terminal, state, bundle, plates)
-            with page_server(screen, address, screen.picture) as server:
+            report = ServedReport(state.project.folder, state.project.bundle_name(bundle))
+            with (
+                page_server(screen, address, screen.picture, {"report": report}) as server,
+                page_kept(state.project.folder, server.url),
+            ):
                 server.shows = shows
                 for plate in plates.values():
                     if plate.fault:

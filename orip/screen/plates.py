@@ -8,6 +8,7 @@ from pathlib import Path
 from msgspec import Struct
 
 from orip.errors import InputError, UsageError
+from orip.files.text.regular_file import is_there
 from orip.images.images_of_photos import image_fault, origin_of_pixels, paths_of_photos
 from orip.images.tiles import StoredImage
 from orip.records.names import record_key
@@ -84,6 +85,11 @@ def plates_of(state: ProjectState, images: Path | None) -> dict[str, Plate]:
         path = paths.get(photo.name)
         if path is None:
             size, fault = None, "no image of this photo was found: name it with image = in orip.toml"
+        elif not is_there(path):
+            size, fault = (
+                None,
+                f"its image {state.project.shown(path)} is missing: put it there, or correct image in orip.toml",
+            )
         else:
             size, fault = image_fault(path, None if sensor is None else (sensor.columns, sensor.rows))
         if origin is None:

@@ -24,6 +24,10 @@ MOST_OFF = 2.0
 MOST_ERRORS = 2.5
 """a-priori errors of photo coordinates: the lines of a block that fits badly do."""
 
+MOST_UNCERTAIN = 0.35
+"""Pixels of standard deviation up to which a mark is accepted with all others: where a wall ends, or hardly anything
+but an edge is to be seen, matching ends at places that differ by pixels, and says so by its error."""
+
 MOST_BACK = 0.5
 """Pixels by which a place that is matched back from another photo may be beside where it was."""
 
@@ -129,6 +133,8 @@ def propose(
         reason = _REASONS.get(point.fate, "")
         if not reason and off > _width(one):
             reason = f"{off:.1f} px off the epipolar line"
+        if not reason and error > MOST_UNCERTAIN:
+            reason = f"uncertain by {error:.2f} px"
         if not reason and checks_back:
             reason = _back(grey, place, other, point)
         x, y = at.round(3).tolist()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import hashlib
 import ipaddress
 import os
 import platform
@@ -11,7 +12,7 @@ import secrets
 import socket
 import stat
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 
 from msgspec import Struct, field
@@ -39,6 +40,7 @@ MOST_WAITING = 32
 _LONGEST_FIRST_LINE = 512
 _HANGING_UP_S = 1.0
 _TOKEN = re.compile(r"[A-Za-z0-9_-]{1,100}")
+_URL = re.compile(r"http://[0-9a-z.:\[\]]{1,60}/[A-Za-z0-9_-]{1,100}/")
 _HTTP = re.compile(
     rb"(?i)\s*(?:\S+\s.*\bHTTP/[0-9]|(?:GET|HEAD|POST|PUT|DELETE|CONNECT|OPTIONS|TRACE|PATCH|PRI)\b|[\w-]+:)"
 )
@@ -132,30 +134,53 @@ async def hang_up(stream: asyncio.StreamReader, writer: asyncio.StreamWriter) ->
     writer.close()
 
 
-@contextmanager
-def token_kept(host: str, port: int, token: str) -> Iterator[None]:
+def token_kept(host: str, port: int, token: str) -> AbstractContextManager[None]:
     """Keep a token meanwhile where this user's programs on this machine find it; nowhere if there is no such place."""
-    path = None
-    with suppress(OSError, RuntimeError):  # without a home, for example
-        path = private_file(_name(host, port), token)
-    try:
-        yield
-    finally:
-        if path is not None and stored_token(host, port) == token:
-            with suppress(OSError):
-                path.unlink()
+    return _kept(f"{host}-{port}", token, _TOKEN)
 
 
 def stored_token(host: str, port: int) -> str | None:
     """Return the token that a program of this user's listens with at an address of this machine; None without one."""
+    return _stored(f"{host}-{port}", _TOKEN)
+
+
+def page_kept(folder: Path, url: str) -> AbstractContextManager[None]:
+    """Keep the address of the page that is served of a folder meanwhile, as `token_kept` does a token."""
+    return _kept(_of_folder(folder), url, _URL)
+
+
+def stored_page(folder: Path) -> str | None:
+    """Return the address of the page that a program of this user's serves of a folder; None without one."""
+    return _stored(_of_folder(folder), _URL)
+
+
+def _of_folder(folder: Path) -> str:
+    whole = str(folder.resolve()).encode(errors="surrogateescape")
+    return f"screen-{hashlib.blake2b(whole, digest_size=12).hexdigest()}"
+
+
+@contextmanager
+def _kept(of: str, text: str, form: re.Pattern[str]) -> Iterator[None]:
+    path = None
+    with suppress(OSError, RuntimeError):  # without a home, for example
+        path = private_file(_name(of), text)
     try:
-        path = _private_folder() / _name(host, port)
+        yield
+    finally:
+        if path is not None and _stored(of, form) == text:
+            with suppress(OSError):
+                path.unlink()
+
+
+def _stored(of: str, form: re.Pattern[str]) -> str | None:
+    try:
+        path = _private_folder() / _name(of)
         descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
         with os.fdopen(descriptor, "rb") as file:
-            token = file.read(200).decode("ascii", errors="replace")
+            text = file.read(200).decode("ascii", errors="replace")
     except (OSError, RuntimeError):
         return None
-    return token if _TOKEN.fullmatch(token) else None
+    return text if form.fullmatch(text) else None
 
 
 def private_file(name: str, text: str) -> Path:
@@ -193,9 +218,9 @@ def _is_own(folder: Path) -> bool:
     return False
 
 
-def _name(host: str, port: int) -> str:
-    """Return the name of the file of an address: homes may be shared by machines."""
-    return re.sub(r"[^\w.-]", "_", f"{platform.node()}-{host}-{port}")
+def _name(of: str) -> str:
+    """Return the name of a file that is of this machine: homes may be shared by several."""
+    return re.sub(r"[^\w.-]", "_", f"{platform.node()}-{of}")
 
 
 def listening_address(text: str, otherwise: str | None) -> tuple[str, int]:

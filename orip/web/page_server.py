@@ -4,6 +4,7 @@
     GET  /TOKEN/scene     what stays
     GET  /TOKEN/events    what moves, as server-sent events
     GET  /TOKEN/pictures/NAME      a picture, JPEG
+    GET  /TOKEN/PAGE      a further page
     POST /TOKEN/COMMAND            what the page asks for, one JSON object
 
 Any page of the web can send requests to the loopback interface. So the address has a token that nobody else knows;
@@ -23,6 +24,7 @@ from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler
 from importlib.resources.abc import Traversable
 from socketserver import ThreadingTCPServer
+from types import MappingProxyType
 from typing import Any, Protocol
 from urllib.parse import urlsplit
 
@@ -40,15 +42,19 @@ LONGEST_REQUEST = 4096
 MOST_STREAMS = 64
 MOST_CONNECTIONS = 128
 
+_HTML = "text/html; charset=utf-8"
 _PICTURES = "pictures/"
 _TICK_S = 0.05
 _SIGN_OF_LIFE_S = 5.0
 """A stream on which nothing moves says so: only what is sent shows that nobody is there any more."""
 
 _POLICY = (
-    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:; connect-src 'self'; "
-    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; "
+    "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
+
+
+NO_PAGES: Mapping[str, Callable[[], str]] = MappingProxyType({})
 
 
 class RequestError(OripError):
@@ -91,6 +97,8 @@ class WatchServer(ThreadingTCPServer):
         An address of this machine that no other one reaches; port 0: any that is free.
     pictures : function of a name
         Returns a picture as JPEG, or raises an OripError; called from several threads at once.
+    pages : mapping of str to function
+        Further pages, HTML that is made when it is asked for; called from several threads at once.
 
     Raises
     ------
@@ -103,9 +111,13 @@ class WatchServer(ThreadingTCPServer):
     request_queue_size = 64
 
     def __init__(
-        self, watch: Watched, address: tuple[str, int] = (HOST, 0), pictures: Callable[[str], bytes] = no_pictures
+        self,
+        watch: Watched,
+        address: tuple[str, int] = (HOST, 0),
+        pictures: Callable[[str], bytes] = no_pictures,
+        pages: Mapping[str, Callable[[], str]] = NO_PAGES,
     ) -> None:
-        self.watch, self.pictures = watch, pictures
+        self.watch, self.pictures, self.pages = watch, pictures, pages
         self.token, self.shows = secrets.token_urlsafe(16), ""
         self.page = watch.page.read_bytes()
         self.scene = _json(watch.scene)
@@ -167,7 +179,9 @@ class _Handler(BaseHTTPRequestHandler):
         """Send the page, what it shows, or what moves."""
         path = self._asked_for()
         if path == "":
-            self._send(HTTPStatus.OK, "text/html; charset=utf-8", self.server.page)
+            self._send(HTTPStatus.OK, _HTML, self.server.page)
+        elif path is not None and path in self.server.pages:
+            self._send(HTTPStatus.OK, _HTML, self.server.pages[path]().encode())
         elif path == "scene":
             self._send(HTTPStatus.OK, "application/json", self.server.scene)
         elif path == "events":

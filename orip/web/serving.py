@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from html import escape
 
 from orip.errors import OripError
 from orip.threads import begin_thread
 from orip.web import ANY_PORT
-from orip.web.page_server import Watched, WatchServer, no_pictures
+from orip.web.page_server import NO_PAGES, Watched, WatchServer, no_pictures
 
 
 def page_server(
-    watch: Watched, address: tuple[str, int], pictures: Callable[[str], bytes] = no_pictures
+    watch: Watched,
+    address: tuple[str, int],
+    pictures: Callable[[str], bytes] = no_pictures,
+    pages: Mapping[str, Callable[[], str]] = NO_PAGES,
 ) -> WatchServer:
     """Return the server of a page.
 
@@ -25,7 +28,7 @@ def page_server(
         If the address is taken.
     """
     try:
-        return WatchServer(watch, address, pictures)
+        return WatchServer(watch, address, pictures, pages)
     except OSError as error:
         host, port = address
         why = error.strerror or error

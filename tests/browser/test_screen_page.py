@@ -189,6 +189,40 @@ def test_a_name_with_markup_stays_a_name(page: Page) -> None:
     assert page.browser.title == "plane MAIN - orip screen"
 
 
+def test_images_that_are_missing_and_names_that_are_not_given_are_said(
+    browser, tmp_path: Path, rendered: Rendered
+) -> None:
+    folder = make_project(tmp_path, rendered)
+    (folder / "images" / "P0.png").unlink()
+    with served(folder) as server:
+        page = Page(browser, server.url)
+        assert page.js("return size(photo).name") == "P1", "the first one that has an image"
+        page.keys(Keys.TAB)
+        page.js("plate.focus()")
+        for key in ("m", "x", "g", Keys.ENTER):
+            page.js("say(''); plate.focus()")
+            page.keys(key)
+            page.wait(lambda: page.text("answer") == "name the point first")
+            assert page.js("return document.activeElement.id") == "point"
+        page.name("NOWHERE")
+        page.wait(lambda: page.text("answer") == "no photo is known to show NOWHERE")
+        page.js("plate.focus()")
+        page.keys("[")
+        page.wait(lambda: page.text("answer").startswith("P0: its image images/P0.png is missing: put it there"))
+        for key in (Keys.ENTER, Keys.ARROW_LEFT, "m", "e", "+", "0"):
+            page.keys(key)
+        assert page.text("where") == ""
+        # one that vanishes meanwhile, and is put back
+        path = folder / "images" / "P2.png"
+        image = path.read_bytes()
+        path.unlink()
+        page.keys("]", "]")
+        page.wait(lambda: "images/P2.png: the image is not there any more" in page.text("lost"))
+        path.write_bytes(image)
+        page.wait(lambda: not page.browser.find_element("id", "lost").is_displayed())
+        assert [text for text in page.errors() if "404" not in text] == []
+
+
 @pytest.mark.parametrize("width", [1280, 390])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_nothing_is_wider_than_the_window_and_all_can_be_read(page: Page, width: int, scheme: str) -> None:

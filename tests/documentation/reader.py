@@ -14,6 +14,7 @@ from contextlib import chdir, redirect_stdout
 from pathlib import Path
 from unittest.mock import patch
 
+from cli.command_line import commands_put_together_once
 from documentation.pages import Step
 
 from orip.cli.main import main
@@ -114,6 +115,7 @@ def orip(folder: Path, arguments: list[str], variables: dict[str, str]) -> tuple
         with (
             patch.multiple(sys, argv=["orip", *arguments], stdout=stream, stderr=stream),
             patch.dict(os.environ, variables),
+            commands_put_together_once(),
         ):
             main()
     except SystemExit as end:

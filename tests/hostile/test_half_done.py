@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from cli.command_line import orip
 from hostile.killing import fork
+from support.long_cases import in_turn
 from workflow.killed_orip import Steps
 
 from orip.errors import InputError
@@ -29,8 +30,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("words", COMMANDS)
-@pytest.mark.parametrize("is_there", [True, False])
+@pytest.mark.parametrize(("words", "is_there"), in_turn(COMMANDS, [True, False]))
 def test_killed_in_the_midst_there_is_all_or_nothing_and_the_same_command_works_again(
     words: str, is_there: bool, made: Path, tmp_path: Path
 ) -> None:
@@ -43,7 +43,7 @@ def test_killed_in_the_midst_there_is_all_or_nothing_and_the_same_command_works_
     assert os.waitstatus_to_exitcode(fork(_with(place / "p", is_there), given, Steps(0))) == 0
     steps, whole = int((place / "steps").read_text()), _names(place / "p" / "new")
     assert steps > 4
-    for step in range(1, steps + 1, 1 + steps // (4 if words.startswith("adjust") else 10)):
+    for step in range(1, steps + 1, 1 + steps // (2 if words.startswith("adjust") else 6)):
         project = _with(place / "p", is_there)
         assert os.WIFSIGNALED(fork(project, given, Steps(step)))
         assert _names(project / "new") in (set(), whole), f"killed at step {step} of {steps}"

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from cli.command_line import orip
+from support.long_cases import in_turn
 
 from orip.files.text.atomic import exported_file_names, is_one_file_name
 
@@ -87,11 +88,14 @@ def test_a_name_with_a_zero_character_in_names_csv_is_refused_in_words(project: 
     assert "names.csv:2: 'a\\x00b' has a character that cannot be printed" in said.err
 
 
-@pytest.mark.parametrize("format_name", FILES)
 @pytest.mark.parametrize(
-    "name", ["orip.toml", "ZURICH.PNT", "ZURICH.MEA", "MAIN.EXO", "CAMERAS.CAM", "result.json", "names.csv", "NEW.MEA"]
+    ("name", "format_name"),
+    in_turn(
+        ["orip.toml", "ZURICH.PNT", "ZURICH.MEA", "MAIN.EXO", "CAMERAS.CAM", "result.json", "names.csv", "NEW.MEA"],
+        list(FILES),
+    ),
 )
-def test_export_does_not_replace_a_text_of_the_project(format_name: str, name: str, project: Path) -> None:
+def test_export_does_not_replace_a_text_of_the_project(name: str, format_name: str, project: Path) -> None:
     before = _state(project)
     for words in ((name,), (str(project.parent / "er" / ".." / "p" / name), "--force"), (name.upper(), "--force")):
         said = orip(project, "export", format_name, *words)

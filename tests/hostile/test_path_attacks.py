@@ -49,7 +49,7 @@ def test_a_confined_process_can_write_in_its_folder_alone(confine: Confine, fold
 
 @pytest.mark.parametrize("confine", WAYS)
 def test_some_attacks(confine: Confine, folder: Path) -> None:
-    attacked(confine, 25, 1, folder)
+    attacked(confine, 12, 1, folder)
 
 
 @pytest.mark.long

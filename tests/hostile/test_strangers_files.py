@@ -27,6 +27,7 @@ import pytest
 from cli.command_line import orip as called
 from hostile.killing import fork
 from hostile.strangers_projects import run, state_of
+from support.long_cases import every, in_turn
 from workflow.killed_orip import Steps
 from workflow.small_projects import film_project, first_project
 
@@ -131,6 +132,7 @@ def test_sub_blocks_that_are_a_link_delete_no_folders(opened: Opened) -> None:
     assert state_of(opened.home) == opened.before
 
 
+@pytest.mark.long
 def test_sub_blocks_that_somebody_changed_are_not_taken(opened: Opened) -> None:
     pytest.importorskip("distributed")
     words = ("solve", "--no-report", "--dask", "local", "--workers", "1")
@@ -163,7 +165,9 @@ def _program(project: Path, *words: str) -> str:
     return ended.stdout + ended.stderr
 
 
-@pytest.mark.parametrize("name", ["../../../stolen", "../home/stolen", "{home}/stolen", "..", "a/b", "a\0b", ""])
+@pytest.mark.parametrize(
+    "name", every(3, ["../../../stolen", "../home/stolen", "..", "{home}/stolen", "a/b", "", "a\0b"])
+)
 def test_names_of_an_imported_camera_write_nothing_beside_the_copy(opened: Opened, name: str) -> None:
     first = first_project(opened.folder / "first")
     opened.done("-q run --no-report", first)
@@ -198,9 +202,12 @@ def test_photos_with_a_zero_character_in_their_original_name_are_exported_or_ref
 
 
 @pytest.mark.parametrize(
-    "form", ["geojson", "dxf", "bal", "nvm", "openmvg", "alicevision", "geopackage", "blocks", "metashape"]
+    ("form", "text"),
+    in_turn(
+        ["geojson", "dxf", "bal", "nvm", "openmvg", "alicevision", "geopackage", "blocks", "metashape"],
+        ["orip.toml", "FIRST.PNT", "FIRST.MEA", "FIRST.PHO", "result.json"],
+    ),
 )
-@pytest.mark.parametrize("text", ["orip.toml", "FIRST.PNT", "FIRST.MEA", "FIRST.PHO", "result.json"])
 def test_an_export_does_not_take_the_place_of_a_text_of_the_project(opened: Opened, form: str, text: str) -> None:
     before = (opened.project / text).read_bytes()
     code, told = opened.orip(f"export {form} {text}")
@@ -311,24 +318,17 @@ def test_a_project_whose_measurements_are_in_one_place_is_refused(opened: Opened
     opened.orip("adjust --frame 4000x3000 --exact-distortion gubaio source out", opened.folder)
 
 
-WRITTEN = [
-    pytest.param(store, value, marks=() if at == number else pytest.mark.long)
-    for at, store in enumerate(("MAIN.EXO", "CAMERAS.CAM", "FIRST.PHO"))
-    for number, value in enumerate((0, 0x63, 0xFF))
-]
-"""Each store and each value once, all of them with the long studies."""
-
-
-@pytest.mark.parametrize(("store", "value"), WRITTEN)
-def test_a_store_of_another_format_of_sqlite_is_damaged(opened: Opened, store: str, value: int) -> None:
+@pytest.mark.parametrize("begin", every(6, range(6)))
+@pytest.mark.parametrize(("store", "value"), in_turn(("MAIN.EXO", "CAMERAS.CAM", "FIRST.PHO"), (0, 0x63, 0xFF)))
+def test_a_store_of_another_format_of_sqlite_is_damaged(opened: Opened, store: str, value: int, begin: int) -> None:
     path = opened.project / store
     whole = path.read_bytes()
-    for place in range(16, 100):  # the head of the file, where 44 to 47 are the format of the schema
+    for place in range(17 + begin, 100, 6):  # the head of the file, where 44 to 47 are the format of the schema
         path.write_bytes(whole[:place] + bytes([value]) + whole[place + 1 :])
         opened.orip(f"dump {store}")
 
 
-@pytest.mark.parametrize("store", ["MAIN.EXO", "CAMERAS.CAM", "FIRST.PHO", "FIRST.TEM"])
+@pytest.mark.parametrize("store", every(4, ["FIRST.PHO", "MAIN.EXO", "CAMERAS.CAM", "FIRST.TEM"]))
 def test_a_store_whose_pages_were_swapped_is_damaged(opened: Opened, store: str) -> None:
     path = opened.project / store
     whole = path.read_bytes()
@@ -350,8 +350,12 @@ def test_a_block_of_which_nothing_is_determined_has_not_converged(opened: Opened
     assert code == 4, told
 
 
-@pytest.mark.parametrize("name", ["../home/stolen", "a/b", "..", "a\0b", "\x1b[2J", "\ud800", "n" * 100_000, ""])
-@pytest.mark.parametrize("old", ['"left"', '"C35"', '"FIRST"'])
+@pytest.mark.parametrize(
+    ("name", "old"),
+    in_turn(
+        ["../home/stolen", "a/b", "..", "a\0b", "\x1b[2J", "\ud800", "n" * 100_000, ""], ['"left"', '"C35"', '"FIRST"']
+    ),
+)
 def test_names_of_a_loaded_dump_are_names(opened: Opened, name: str, old: str) -> None:
     dump = opened.done("dump FIRST.PHO")
     (opened.project / "FIRST.dump").write_text(dump.replace(old, json.dumps(name)))
@@ -533,6 +537,7 @@ except BaseException as error:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="ports are found in /proc")
 @pytest.mark.timeout(120)
+@pytest.mark.long
 def test_another_user_runs_nothing_on_the_scheduler_of_an_archive(tmp_path: Path) -> None:
     pytest.importorskip("distributed")
     with archive_running(tmp_path) as running:

@@ -29,7 +29,7 @@ def folder() -> Iterator[Path]:
 @pytest.mark.timeout(120)
 @pytest.mark.parametrize("how", WAYS)
 def test_some_projects_of_strangers_harm_nobody(how: Callable[[Path], None], folder: Path) -> None:
-    opened(how, 25, 1, folder)
+    opened(how, 12, 1, folder)
 
 
 @pytest.mark.long

@@ -16,7 +16,10 @@ from mistakes.data.study import BEGIN, END, row, said_of
 from mistakes.edits import sample
 from mistakes.first_line import DOCUMENT, first_line
 
-LONG = {"moved_by_one_photo", "half_resolution", "one_portrait_photo", "another_flight", "two_height_systems"}
+LONG = {
+    "moved_by_one_photo", "half_resolution", "one_portrait_photo", "another_flight", "two_height_systems",
+    "antenna_offset",
+}  # fmt: skip
 """Those whose runs take longest, and that are recognised as the planted ones are."""
 
 NAMED = 2.5

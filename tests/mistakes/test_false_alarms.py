@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mistakes.simulated import explained
+from support.long_cases import in_turn
 from support.synthetic_block import Scene, synthetic_block
 
 NOISE_MM = 0.005
@@ -19,9 +20,8 @@ ROUGH: dict[str, dict[str, Any]] = {
 }
 
 
-@pytest.mark.parametrize("scene", ["strip", "convergent", "terrestrial"])
-@pytest.mark.parametrize("kind", ROUGH)
-def test_chance_is_no_mistake(scene: Scene, kind: str) -> None:
+@pytest.mark.parametrize(("kind", "scene"), in_turn(ROUGH, ["strip", "convergent", "terrestrial"]))
+def test_chance_is_no_mistake(kind: str, scene: Scene) -> None:
     # with constant control too where nothing has to be explained, which takes seconds
     for control in ("weighted",) if kind == "errors too small" else ("weighted", "constant"):
         settings = {"noise_mm": NOISE_MM, "control": control, **ROUGH[kind]}

@@ -10,8 +10,11 @@ from mistakes.catalogue import CLIFF, DCS, MISTAKES, ZURICH
 from mistakes.edits import sample
 from mistakes.first_line import BEGIN, DOCUMENT, END, first_line, row, said_of
 
-LONG = ("directions_in_gon", "rows_upwards", "sensor_size", "equivalent_focal_length", "feet_against_orientations")
-"""Mistakes whose explanation takes about ten seconds, as all others are tried before; each has a planted sibling."""
+LONG = (
+    "directions_in_gon", "rows_upwards", "sensor_size", "equivalent_focal_length", "feet_against_orientations",
+    "wrong_camera", "north_east_against_orientations", "orientations_in_radians",
+)  # fmt: skip
+"""Mistakes whose explanation takes seconds, as all others are tried before; each has a planted sibling."""
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ import pytest
 from cli.command_line import orip
 from mistakes.first_line import first_line
 from mistakes.flat_block import FOOT, PIXELS, SIZE, FlatBlock
+from support.long_cases import in_turn
 
 
 def multiplied(block: FlatBlock, by: np.ndarray, photos: tuple[str, ...] = ()) -> None:
@@ -73,8 +74,7 @@ NAMED: dict[str, tuple[Callable[[FlatBlock], None], tuple[str, ...]]] = {
 }
 
 
-@pytest.mark.parametrize("relief", [0.6, 2.0, 5.0])
-@pytest.mark.parametrize("mistake", NAMED)
+@pytest.mark.parametrize(("mistake", "relief"), in_turn(NAMED, [0.6, 2.0, 5.0]))
 def test_the_cause_is_named_first(tmp_path: Path, mistake: str, relief: float) -> None:
     change, words = NAMED[mistake]
     block = FlatBlock(relief)
@@ -96,9 +96,8 @@ def test_heights_in_feet_of_hardly_any_relief_accuse_no_lens(tmp_path: Path, rel
     assert "C of camera" not in said.out + said.err
 
 
-@pytest.mark.parametrize("relief", [0.6, 2.0, 5.0])
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_nothing_is_said_where_nothing_is_wrong(tmp_path: Path, relief: float, seed: int) -> None:
+@pytest.mark.parametrize(("seed", "relief"), in_turn([1, 2, 3], [0.6, 2.0, 5.0]))
+def test_nothing_is_said_where_nothing_is_wrong(tmp_path: Path, seed: int, relief: float) -> None:
     said = orip(FlatBlock(relief, seed).write(tmp_path / "folder"), "run", "--no-report")
     assert "status   converged" in said.out + said.err
     assert not any(word in said.out + said.err for word in ("mirror", "resolution", "feet", "two numbers"))

@@ -158,6 +158,7 @@ def test_any_numbers_are_either_refused_or_can_be_driven_with(
             assert all(np.isfinite(fault.code) and fault.text for fault in found)
 
 
+@pytest.mark.long
 def test_a_camera_with_a_readout_is_driven_to_its_middle_row_as_a_warning_says(tmp_path):
     assert orip(tmp_path, "init", "--sample", "drone_rtk", "drone").code == 0
     folder = tmp_path / "drone"

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from cli.command_line import orip
+from support.long_cases import every
 from workflow.small_projects import REPOSITORY, first_project
 
 from orip.online.replies import reply_to
@@ -22,15 +23,20 @@ def folder(tmp_path_factory) -> Path:
     return made
 
 
-def asked(folder: Path, **request: object) -> dict:
-    reply = reply_to(OnlineSession(folder, None), folder, json.dumps({"do": "add", **request}))
+@pytest.fixture(scope="module")
+def session(folder: Path) -> OnlineSession:
+    return OnlineSession(folder, None)
+
+
+def asked(session: OnlineSession, folder: Path, **request: object) -> dict:
+    reply = reply_to(session, folder, json.dumps({"do": "add", **request}))
     assert reply is not None
     return reply
 
 
-@pytest.mark.parametrize(("what", "number"), [("control", 2), ("distances", 1), ("photos", 1)])
-def test_a_session_advises_what_the_command_finds(folder, what, number):
-    found = asked(folder, what=what, number=number)
+@pytest.mark.parametrize(("what", "number"), every(3, [("control", 2), ("distances", 1), ("photos", 1)]))
+def test_a_session_advises_what_the_command_finds(folder, session, what, number):
+    found = asked(session, folder, what=what, number=number)
     command = ("plan", "place", str(number), "--what", what, "--adjusted", "--places", "100", "--json")
     expected = orip(folder, *command).document
     assert {key: found[key] for key in ("what", "goal", "points", "distances")} == {
@@ -42,9 +48,9 @@ def test_a_session_advises_what_the_command_finds(folder, what, number):
     assert found["value"] < found["curve"][0]
 
 
-def test_nothing_is_written(folder):
+def test_nothing_is_written(folder, session):
     before = {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
-    asked(folder, what="control")
+    asked(session, folder, what="control")
     assert {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()} == before
 
 
@@ -58,8 +64,8 @@ def test_nothing_is_written(folder):
         ({"what": "photos", "many": 3}, "does not have"),
     ],
 )
-def test_requests_that_are_none_say_what_is_allowed(folder, request_, said):
-    assert said in asked(folder, **request_)["error"]
+def test_requests_that_are_none_say_what_is_allowed(folder, session, request_, said):
+    assert said in asked(session, folder, **request_)["error"]
 
 
 def test_a_session_without_measurements_says_so(tmp_path):
@@ -67,4 +73,4 @@ def test_a_session_without_measurements_says_so(tmp_path):
     for file in made.glob("*.MEA"):
         file.unlink()
     assert orip(made, "init").code == 0
-    assert "nothing is measured" in asked(made, what="photos")["error"]
+    assert "nothing is measured" in asked(OnlineSession(made, None), made, what="photos")["error"]

@@ -43,6 +43,7 @@ def test_control_measured_last_orients_the_session_without_being_asked_for() -> 
     assert (blunder.photo, blunder.point) in {(key.photo, key.point) for key in measuring.suspects}
 
 
+@pytest.mark.long
 def test_a_tie_that_makes_control_usable_orients_the_session_when_it_is_shown() -> None:
     """Control comes first; the tie that lets a model reach it is within a tenth of all from the last attempt."""
     session = simulated_session(2, 2, 0)

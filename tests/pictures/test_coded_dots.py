@@ -7,6 +7,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 from pictures.rendered import Camera, drawing, looking_at, photograph, photograph_of
+from support.long_cases import every, in_turn
 
 from orip.errors import OripError
 from orip.pictures.targets.boards import Board, board_points, check_board
@@ -55,13 +56,13 @@ def off_and_deviations(board, found, station):
     return measured - true, np.array([mark.deviation for mark in found.marks])
 
 
-@pytest.mark.parametrize("board", [BOARD, FINE], ids=lambda board: board.dictionary)
-@pytest.mark.parametrize(
-    ("angles", "blur", "noise"),
-    [((0.0, 0.0, 3.0), 0.7, 2.0), ((-25.0, -30.0, 190.0), 0.7, 2.0), ((35.0, 20.0, 77.0), 1.2, 5.0),
-     ((10.0, -45.0, 300.0), 1.0, 8.0)],
-)  # fmt: skip
-def test_all_are_named_and_where_they_should_be(board, angles, blur, noise):
+SEEN = [((0.0, 0.0, 3.0), 0.7, 2.0), ((-25.0, -30.0, 190.0), 0.7, 2.0), ((35.0, 20.0, 77.0), 1.2, 5.0),
+        ((10.0, -45.0, 300.0), 1.0, 8.0)]  # fmt: skip
+
+
+@pytest.mark.parametrize(("seen", "board"), in_turn(SEEN, [BOARD, FINE]))
+def test_all_are_named_and_where_they_should_be(seen, board):
+    angles, blur, noise = seen
     station = looking_at(board, angles, 420.0)
     found = find_board(photograph_of(board, CAMERA, station, blur=blur, noise=noise), board)
     assert not found.fault
@@ -82,7 +83,7 @@ def test_dots_of_four_and_five_pixels_are_read(board, distance):
     assert np.sqrt(np.mean(off_and_deviations(board, found, station)[0] ** 2)) < 0.05
 
 
-@pytest.mark.parametrize("seed", [*range(3), *(pytest.param(seed, marks=pytest.mark.long) for seed in range(3, 8))])
+@pytest.mark.parametrize("seed", every(4, range(8)))
 def test_none_is_misnamed_where_they_can_hardly_be_read(seed):
     random = np.random.default_rng(seed)
     angles = (random.uniform(-50.0, 50.0), random.uniform(-50.0, 50.0), random.uniform(0.0, 360.0))

@@ -73,6 +73,12 @@ def test_images_that_cannot_be_used_are_named(project, command):
     assert "NONE" not in done.err
 
 
+def test_an_image_of_two_photos_is_named(project):
+    assert orip(project, "init").code == 0
+    assert orip(project, "photo", "edit", "NONE", "image=pictures/good.png").code == 0
+    assert "photo NONE: its image pictures/good.png is that of photo GOOD" in orip(project, "status").err
+
+
 def test_status_names_them_before_init(project):
     assert "gone.png" in orip(project, "status").err
 

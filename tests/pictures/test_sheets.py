@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pytest
 from pictures.rendered import PER_MM, Camera, Station, drawing, photograph
+from support.long_cases import every
 
 from orip.arrays import FloatArray
 from orip.errors import OripError
@@ -47,7 +49,7 @@ def drawn(*, without: tuple[str, ...] = ()) -> Any:
     return field
 
 
-def station(angles: tuple[float, float, float], distance: float = 300.0) -> Station:
+def station(angles: Sequence[float], distance: float = 300.0) -> Station:
     rotation = rotation_from_angles(np.radians(angles))
     return Station(np.array([SIZE[0] / 2, SIZE[1] / 2, 0.0]) + rotation[:, 2] * distance, rotation)
 
@@ -60,8 +62,8 @@ def off_truth(grey: Any, sheet: Sheet, at: Station) -> tuple[FloatArray, FloatAr
     return measured - true, np.array([mark.deviation for mark in found.marks]), {mark.name for mark in found.marks}
 
 
-@pytest.mark.parametrize("angles", [(0.0, 0.0, 0.0), (35.0, 10.0, 200.0), (-20.0, 35.0, 95.0)])
-def test_all_dots_are_named_and_where_they_should_be(angles: tuple[float, float, float]) -> None:
+@pytest.mark.parametrize("angles", every(3, [[35.0, 10.0, 200.0], [0.0, 0.0, 0.0], [-20.0, 35.0, 95.0]]))
+def test_all_dots_are_named_and_where_they_should_be(angles: list[float]) -> None:
     at = station(angles)
     off, deviations, names = off_truth(photograph(drawn(), MARGIN, CAMERA, at), the_sheet(), at)
     inside = CAMERA.project(XYZ, at)

@@ -80,13 +80,9 @@ def test_blunders_have_the_unit_of_the_kind() -> None:
         assert re.search(rf"N{k} +{re.escape(component)} +80\.\d+ +1\.\d+ +{re.escape(unit)} +40\.00", blunders)
 
 
-def suspects_of(solution: Solution) -> PageTable | None:
-    return suspect_table(ReportInput(solution, (), BundleDefinition("MAIN"), {}, {}))
-
-
-@pytest.mark.parametrize("table", [suspects_of, blunder_table])
-def test_tables_of_the_report_have_the_unit_of_the_kind(table: Callable[[Solution], PageTable | None]) -> None:
-    found = table(misfitting())
+@pytest.mark.parametrize("table", [suspect_table, blunder_table])
+def test_tables_of_the_report_have_the_unit_of_the_kind(table: Callable[[ReportInput], PageTable | None]) -> None:
+    found = table(ReportInput(misfitting(), (), BundleDefinition("MAIN"), {}, {}))
     assert found is not None
     (names, units) = (column.cells for column in found.columns if column.heading in {"Observation", "Unit"})
     by_name = {name.rpartition(" ")[2]: unit for name, unit in zip(names, units, strict=True)}

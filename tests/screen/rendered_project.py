@@ -8,7 +8,7 @@ import sys
 import threading
 import urllib.error
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
@@ -23,6 +23,7 @@ from orip.annexes import MEASURING_ONLINE, annex
 from orip.cli.main import main
 from orip.screen.measuring_screen import MeasuringScreen
 from orip.screen.plates import plates_of
+from orip.screen.served_report import ServedReport
 from orip.web.page_server import WatchServer
 from orip.workflow.project.commit import commit
 from orip.workflow.project.state import read_project
@@ -92,7 +93,8 @@ def served(folder: Path) -> Iterator[WatchServer]:
     """Serve the screen of a project meanwhile."""
     state = read_project(folder, "definitions")
     session = annex(MEASURING_ONLINE).session_to_measure(folder, None)
-    with serving(MeasuringScreen(session, "plane MAIN", plates_of(state, None), folder)) as server:
+    screen = MeasuringScreen(session, "plane MAIN", plates_of(state, None), folder)
+    with serving(screen, report=ServedReport(folder, "MAIN")) as server:
         yield server
 
 
@@ -121,9 +123,9 @@ def _screen(folder: str, said: Connection) -> None:
 
 
 @contextmanager
-def serving(screen: Any) -> Iterator[WatchServer]:
-    """Serve a page and its pictures meanwhile."""
-    with WatchServer(screen, pictures=screen.picture) as server:
+def serving(screen: Any, **pages: Callable[[], str]) -> Iterator[WatchServer]:
+    """Serve a page, its pictures and further pages meanwhile."""
+    with WatchServer(screen, pictures=screen.picture, pages=pages) as server:
         thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
         thread.start()
         try:

@@ -95,7 +95,7 @@ def test_a_contour_is_closed_over_three_models_without_a_step(hill: Hill) -> Non
     """Off the surface by the standard deviations; where the model changes both models see it at the same height."""
     processor, screen = stereo_of(hill.folder)
     screen.commands["drive"]({"object": [45.0, -13.0, CONTOUR]})
-    said = screen.commands["course"]({"kind": "CONTOUR", **WITH, "z": CONTOUR, "spacing": 2.5})["said"]
+    said = screen.commands["course"]({"kind": "CONTOUR", **WITH, "z": CONTOUR, "spacing": 5.0})["said"]
     assert said == "contour C 1"
     assert run_through(screen).startswith("recorded LINE C 1, vertex")
     assert "closed" in screen.commands["close"]({})["said"]
@@ -109,7 +109,7 @@ def test_a_contour_is_closed_over_three_models_without_a_step(hill: Hill) -> Non
     # an image in a photo of 0.2 pixel is a third of a metre of height: matching is better than that
     assert np.abs(true - CONTOUR).max() < 0.35
     length = np.linalg.norm(np.diff(rows[:, :2], axis=0), axis=1)
-    assert length[:-1].max() < 3.2
+    assert length[:-1].max() < 6.4
     assert 140.0 < length.sum() < 190.0
     steps = []
     for (one, other), sd in zip(zip(feature.vertices, feature.vertices[1:], strict=False), rows[:, 5], strict=False):

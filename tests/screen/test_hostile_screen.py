@@ -25,6 +25,9 @@ pytest.importorskip("cv2")
 from cli.command_line import orip  # noqa: E402  # after what it needs
 from screen.rendered_project import NEW, Rendered, asked, screen_of, served  # noqa: E402
 
+from orip.cli.terminal import Terminal  # noqa: E402
+from orip.workflow.open_screen import open_screen  # noqa: E402
+
 
 def guess(server, count: int) -> Counter:
     """Ask with guessed tokens over a few connections, and return what was answered."""
@@ -41,7 +44,7 @@ def guess(server, count: int) -> Counter:
     return found
 
 
-@pytest.mark.parametrize("count", [2000, pytest.param(100_000, marks=pytest.mark.long)])
+@pytest.mark.parametrize("count", [500, pytest.param(100_000, marks=pytest.mark.long)])
 def test_a_guessed_token_is_refused_each_time(project: Path, count: int) -> None:
     with served(project) as server:
         assert guess(server, count) == {403: count}
@@ -49,7 +52,7 @@ def test_a_guessed_token_is_refused_each_time(project: Path, count: int) -> None
     assert not (project / "EDITS.MEA").exists()
 
 
-@pytest.mark.parametrize("count", [1000, pytest.param(10_000, marks=pytest.mark.long)])
+@pytest.mark.parametrize("count", [500, pytest.param(10_000, marks=pytest.mark.long)])
 def test_a_flood_of_requests_is_answered_or_hung_up_and_the_page_goes_on(
     project: Path, rendered: Rendered, count: int
 ) -> None:
@@ -128,19 +131,28 @@ def test_images_that_change_and_vanish_under_requests_are_one_message_each(proje
         assert asked(server.url, "pictures/0/0/0/0")[0] == 200
 
 
-def test_a_second_screen_is_refused_with_what_to_do(project: Path) -> None:
+def test_a_second_screen_is_refused_with_what_to_do(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert open_screen(project) == ""
     with screen_of(project) as (process, url):
         assert asked(url, "scene")[0] == 200
+        assert open_screen(project) == url
+        assert "screen   open; a terminal is told the address" in orip(project, "status").out
+        monkeypatch.setattr(Terminal, "is_terminal", True)
+        assert f"screen   {url}report leads to the images" in orip(project, "status").out
         for more in ((), ("--stereo",)):
             said = orip(project, "screen", "--no-open", *more)
             assert said.code != 0
             if not more:
-                assert "on another screen: measure on that page, or end the 'orip screen'" in said.err
+                assert "on another screen: measure on that page ('orip status' has its address), or end" in said.err
         os.kill(process.pid, signal.SIGINT)
         process.join(20)
         assert process.exitcode == 0
-    with screen_of(project) as (_, url):
+    assert open_screen(project) == ""
+    with screen_of(project) as (process, url):
         assert asked(url, "scene")[0] == 200
+        process.kill()
+        process.join(20)
+        assert open_screen(project) == "", "it has left its address, and nothing else"
 
 
 def contents(folder: Path) -> dict[str, bytes]:

@@ -14,6 +14,7 @@ pytest.importorskip("cv2")
 from cli.command_line import orip  # noqa: E402  # after what it needs
 from screen.rendered_project import NEW, Rendered, asked, served  # noqa: E402
 
+from orip.cli.terminal import Terminal  # noqa: E402
 from orip.errors import UsageError  # noqa: E402
 from orip.screen.command import shown_first  # noqa: E402
 from orip.screen.plates import plates_of  # noqa: E402
@@ -125,7 +126,9 @@ def test_an_image_that_vanishes_is_one_message(project: Path) -> None:
         assert "P1.png" in said["error"]
 
 
-def test_run_and_status_name_the_command_that_shows_the_worst_misfit(project: Path, rendered: Rendered) -> None:
+def test_run_and_status_name_the_command_that_shows_the_worst_misfit(
+    project: Path, rendered: Rendered, monkeypatch: pytest.MonkeyPatch
+) -> None:
     said = orip(project, "run", "--no-report")
     assert "orip screen" not in said.out
     x, y = rendered.pixel(1, (0.44, 0.49))
@@ -134,8 +137,39 @@ def test_run_and_status_name_the_command_that_shows_the_worst_misfit(project: Pa
     said = orip(project, "run", "--no-report")
     assert "look     orip screen --at P1/T6 shows the worst misfit in its picture" in said.out
     assert "does not fit" in said.out
+    # where a screen is open, its page does; the address is for whoever reads the terminal, and not for a file
+    monkeypatch.setattr("orip.workflow.open_screen.open_screen", lambda _: "http://127.0.0.1:9/t/")
+    assert "look     the open orip screen shows the worst misfit, T6 in P1" in orip(project, "solve").out
+    monkeypatch.setattr(Terminal, "is_terminal", True)
+    assert "look     http://127.0.0.1:9/t/#photo=P1&point=T6 shows the worst misfit" in orip(project, "solve").out
     status = orip(project, "status").out
     assert ("orip screen shows where" in status) == ("doubtful" in status)
+
+
+def test_the_report_is_served_and_leads_to_the_images(project: Path, rendered: Rendered) -> None:
+    x, y = rendered.pixel(1, (0.44, 0.49))
+    with served(project) as server:
+        status, page = asked(server.url, "report")
+        assert status == 200
+        assert b"bundle MAIN has not been adjusted yet; run &#x27;orip solve&#x27; first" in page
+        with (project / "plane.MEA").open("a") as file:
+            file.write(f"POINTS MAIN P1\n  T6 {x + 30.0:.4f} {y:.4f}\n")
+        orip(project, "run")
+        page = asked(server.url, "report")[1].decode()
+        assert '<a href="./#photo=P1&amp;point=T6">photo P1 point T6</a>' in page
+        assert '<a href="./#point=C3">control point C3</a>' in page
+        assert '<a href="./#photo=P2"><svg' in page
+        assert "This is the last adjustment, which" not in page
+        assert asked(server.url, "report")[1].decode() == page
+        asked(server.url, "measure", {"photo": "P1", "point": "T6", "x": x, "y": y})
+        assert (
+            "out of date (changed since: EDITS.MEA): orip run makes the next."
+            in asked(server.url, "report")[1].decode()
+        )
+        assert asked(server.url.replace(server.token, "x" * 22), "report")[0] == 403
+    on_disk = (project / "report.html").read_text()
+    assert 'href="./' not in on_disk
+    assert "<code>orip screen --at P1/T6</code>" in on_disk
 
 
 def test_what_is_shown_first_is_behind_the_address(project: Path) -> None:

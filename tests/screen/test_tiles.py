@@ -12,8 +12,8 @@ pytest.importorskip("cv2")
 
 from screen.rendered_project import NEW, Rendered, asked, served  # noqa: E402  # after what it needs
 
-from orip.images import tiles  # noqa: E402
-from orip.images.tile_folder import TILE_FOLDER, TileFolder  # noqa: E402
+from orip.images import TILE_FOLDER, tiles  # noqa: E402
+from orip.images.tile_folder import TileFolder  # noqa: E402
 from orip.images.tiles import StoredImage, TileName, TileStore  # noqa: E402
 from orip.online.block.online_block import OnlineBlock  # noqa: E402
 
@@ -74,6 +74,13 @@ def test_an_image_of_another_size_is_refused_and_one_with_other_pixels_shown(pro
         status, after = asked(server.url, "pictures/0/0/0/0")
         assert status == 200
         assert after != before
+        # what was measured in the picture that was there before is no longer what is seen; then it is
+        status, said = asked(server.url, "measure", wanted)
+        assert status == 400
+        assert "images/P0.png: the image has been replaced since it was shown" in said["error"]
+        assert not (project / "EDITS.MEA").exists()
+        assert asked(server.url, "measure", {**wanted, "point": "NEW"})[0] == 200
+        log = (project / "EDITS.MEA").read_text()
         Images.fromarray(rendered.plane.photos[0][:300]).save(project / "images" / "P0.png")
         for command, content, faulty in (
             ("pictures/0/0/0/0", None, 404), ("measure", wanted, 400), ("propose", wanted, 400)
@@ -81,7 +88,7 @@ def test_an_image_of_another_size_is_refused_and_one_with_other_pixels_shown(pro
             status, said = asked(server.url, command, content)
             assert status == faulty
             assert "420 x 300 pixels now, and had 420 x 420" in said["error"]
-        assert not (project / "EDITS.MEA").exists()
+        assert (project / "EDITS.MEA").read_text() == log
         x, y = rendered.pixel(1, NEW["C7"])
         _, said = asked(server.url, "propose", {**wanted, "photo": "P1", "x": x, "y": y})
         assert [one["photo"] for one in said["proposals"]] == ["P2"]

@@ -152,7 +152,7 @@ def written(folder: Path, truth: Flight, imu: ImuSamples, fixes: Fixes, **change
     text = "time,fx,fy,fz,wx,wy,wz\n" + "\n".join(
         ",".join(f"{value:.9g}" if n else f"{value:.6f}" for n, value in enumerate(row)) for row in table
     )
-    (folder / "imu.csv.gz").write_bytes(gzip.compress(text.encode()))
+    (folder / "imu.csv.gz").write_bytes(gzip.compress(text.encode(), 1))
 
 
 LEVER = "--lever-arm=" + ",".join(map(str, LEVER_ARM))

@@ -118,15 +118,15 @@ def within(values: np.ndarray, runs: int) -> None:
 @pytest.mark.parametrize("noise", [MEMS, TACTICAL], ids=["mems", "tactical"])
 def test_errors_are_as_large_as_is_said(truth, noise):
     both = []
-    for run in range(3):
+    for run in range(2):
         imu, fixes = observed(truth, noise, np.random.default_rng(run))
         both.append(
             standardised(
                 smooth(Observed(imu, fixes, GRAVITY, noise, LEVER_ARM), estimates_noise=False).trajectory, truth
             )
         )
-    within(np.concatenate([place for place, _ in both]), 3)
-    within(np.concatenate([attitude for _, attitude in both]), 3)
+    within(np.concatenate([place for place, _ in both]), 2)
+    within(np.concatenate([attitude for _, attitude in both]), 2)
 
 
 @pytest.mark.long
@@ -172,13 +172,13 @@ def test_noise_of_each_kind_of_sensor_is_estimated_by_itself(truth):
 def test_a_good_unit_that_is_six_times_noisier():
     """It has a redundancy of 8 in such a flight: the standard deviation of a factor is 1 / sqrt(2 r), 0.25 at first."""
     whole, found = flight(), []
-    for run in range(6):
+    for run in range(3):
         imu, fixes = observed(whole, TACTICAL, np.random.default_rng(run), scale=6.0)
         solved = smooth(Observed(imu, fixes, GRAVITY, TACTICAL, LEVER_ARM)).trajectory
         assert 3.0 < solved.factors.unit < 12.0
         found.append(standardised(solved, whole))
-    within(np.concatenate([place for place, _ in found]), 6)
-    within(np.concatenate([attitude for _, attitude in found]), 6)
+    within(np.concatenate([place for place, _ in found]), 3)
+    within(np.concatenate([attitude for _, attitude in found]), 3)
 
 
 def test_redundancy_and_unknowns_are_the_observations(truth):
@@ -291,17 +291,19 @@ def test_files_of_a_trajectory(flown, truth):
 
 def test_what_people_mistake_is_said(tmp_path, flown, truth):
     imu, fixes = observed(truth, MEMS, np.random.default_rng(1))
+    written(tmp_path, truth, imu, fixes)
     for change, words, text in [
-        ({"force": 1 / 9.80665}, (), "they are probably in g: --force-unit g"),
         ({}, ("--force-unit", "g"), "they are probably in m/s²"),
-        ({"late": 86400.0}, (), "samples and positions have 0 s in common"),
         ({}, ("--columns", "time,fx"), "write each of time,fx,fy,fz,wx,wy,wz once"),
         ({}, ("--noise", "good"), "write one of mems, tactical, navigation"),
         ({}, ("--lever-arm", "1,2"), "write three numbers"),
         ({}, ("--time", "local"), "write one of gps, week, unix-gps, unix-utc"),
         ({}, ("-o", "flight.pos"), "is a file that is read; name another"),
+        ({"force": 1 / 9.80665}, (), "they are probably in g: --force-unit g"),
+        ({"late": 86400.0}, (), "samples and positions have 0 s in common"),
     ]:
-        written(tmp_path, truth, imu, fixes, **change)
+        if change:
+            written(tmp_path, truth, imu, fixes, **change)
         said = orip(tmp_path, "imu", "imu.csv.gz", "flight.pos", *words)
         assert said.code != 0
         assert text in said.err

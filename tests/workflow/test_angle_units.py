@@ -10,7 +10,7 @@ from cli.command_line import orip
 from workflow.small_projects import first_project, replace_in
 
 ELEMENTS = (
-    ("left", "PHOTO", "PHI", 0.5, 0.01),
+    ("left", "PHOTO", "PHI", -1.079, 0.01),
     ("left", "PHOTO", "Z0", 332.0, 5.0),
     ("S", "THEODOLITE", "R", 10.0, 20.0),
 )
@@ -26,7 +26,7 @@ def project(folder: Path, unit: str) -> Path:
         for name, group, kind, *numbers in ELEMENTS
     )
     (made / "FIRST.ELE").write_text("".join(" ".join(map(repr_of, line)) + "\n" for line in lines), encoding="utf-8")
-    directions = (("2", 78.4, 0.05, 90.7, 0.05), ("3", 348.7, 0.05, 88.4, 0.05))
+    directions = (("2", 78.4, 0.05, 90.9, 0.05), ("3", 351.1, 0.05, 88.4, 0.05))
     (made / "FIRST.DIR").write_text(
         "".join(
             f"S 1 {target} {' '.join(repr(number / size) for number in numbers)}\n" for target, *numbers in directions

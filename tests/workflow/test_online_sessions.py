@@ -307,6 +307,7 @@ def test_a_strip_typed_in_the_order_of_its_file_is_oriented_by_control_that_come
     assert _reply(again, folder, do="show")["summary"] == shown
 
 
+@pytest.mark.long
 def test_what_is_shown_after_a_measurement_is_the_solution_of_what_is_measured(tmp_path: Path) -> None:
     """Photos and points were up to two standard deviations from the adjustment of the same measurements."""
     folder = sample(tmp_path, "small_frame_block")

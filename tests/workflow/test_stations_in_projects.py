@@ -13,17 +13,18 @@ from workflow.small_projects import first_project, replace_in
 from orip.errors import InputError
 
 STATIONS = (
-    "left 1070.02 2075.01 330.03 0.02 0.02 0.03\nRIGHT 1130 2075 330 0.02 0.02 0.03 0.1 0 0 0.05 0.05 0.05 8 S1\n"
+    "left 1068.79 2074.17 332.52 0.02 0.02 0.03\n"
+    "RIGHT 1132 2077.31 329.77 0.02 0.02 0.03 -0.5 0.92 -0.39 0.05 0.05 0.05 8 S1\n"
 )
-ELEMENTS = """left PHOTO X0 1070.02 0.02
-left PHOTO Y0 2075.01 0.02
-left PHOTO Z0 330.03 0.03
-right PHOTO X0 1130 0.02
-right PHOTO Y0 2075 0.02
-right PHOTO Z0 330 0.03
-right PHOTO OMEGA 0.1 0.05
-right PHOTO PHI 0 0.05
-right PHOTO KAPPA 0 0.05
+ELEMENTS = """left PHOTO X0 1068.79 0.02
+left PHOTO Y0 2074.17 0.02
+left PHOTO Z0 332.52 0.03
+right PHOTO X0 1132 0.02
+right PHOTO Y0 2077.31 0.02
+right PHOTO Z0 329.77 0.03
+right PHOTO OMEGA -0.5 0.05
+right PHOTO PHI 0.92 0.05
+right PHOTO KAPPA -0.39 0.05
 """
 
 
@@ -157,7 +158,7 @@ def test_stations_in_another_system_end_where_those_in_the_grid_do(tmp_path: Pat
         toml = "\n".join(line for line in toml.splitlines() if line[:3] not in {"X0 ", "Y0 ", "Z0 "})
         (project / "orip.toml").write_text(toml)
     to_degrees = Transformer.from_crs(25832, 4258, always_xy=True)
-    places = {"left": (562070.02, 5936075.01, 330.03), "right": (562130.0, 5936075.0, 330.0)}
+    places = {"left": (562068.79, 5936074.17, 332.52), "right": (562132.0, 5936077.31, 329.77)}
     grid, geographic = "", "CRS EPSG:4258\n"
     for name, (x, y, z) in places.items():
         longitude, latitude = to_degrees.transform(x, y)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from unittest.mock import patch
@@ -14,11 +15,16 @@ from workflow.small_projects import contents, film_project, replace_in
 INIT, MEASURE, SOLVE = "orip init", "orip measure", "orip solve"
 
 
-@pytest.fixture
-def project(tmp_path: Path) -> Path:
-    folder = film_project(tmp_path / "film")
+@pytest.fixture(scope="module")
+def film(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = film_project(tmp_path_factory.mktemp("status") / "film")
     run_quietly(folder)
     return folder
+
+
+@pytest.fixture
+def project(film: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(film, tmp_path / "film"))
 
 
 def outdated(folder: Path) -> dict[str, str]:

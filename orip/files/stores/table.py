@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from typing import Literal
 
 from msgspec import Struct
@@ -209,6 +210,7 @@ def all_or_none(*names: str) -> str:
     return f"{nulls} IN (0, {len(names)})"
 
 
+@cache
 def quoted(name: str) -> str:
     """Return a name of the schema as an SQL identifier."""
     return '"' + name.replace('"', '""') + '"'

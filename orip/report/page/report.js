@@ -27,6 +27,9 @@ for (const heading of document.querySelectorAll("thead th:has(button)")) {
   });
 }
 
+// Served by `orip screen` the page may be out of date when somebody comes back to it.
+addEventListener("pageshow", (event) => { if (event.persisted && location.protocol !== "file:") location.reload(); });
+
 // The block in 3-D. plotly is unpacked when the view comes into sight, or a while after the page has opened.
 const view = document.getElementById("view");
 const block = JSON.parse(document.getElementById("block-data").textContent);

@@ -38,7 +38,7 @@ ADJUSTED_FROM: tuple[Part, ...] = ("definitions", "marks", "observations")
 class SolveOutcome(Struct, frozen=True):
     """A solution, the results of gates, the files to write, photos left out, and the worst misfit that is in an image.
 
-    It is ``PHOTO/POINT``, as `orip screen --at` takes it; empty where there is none.
+    That is a photo and a point; None where there is none.
     """
 
     project: ProjectFolder
@@ -46,7 +46,7 @@ class SolveOutcome(Struct, frozen=True):
     gates: tuple[GateResult, ...]
     files: tuple[Path, ...]
     left_out: tuple[str, ...] = ()
-    worst: str = ""
+    worst: tuple[str, str] | None = None
 
 
 def solve(
@@ -141,14 +141,14 @@ def _that_keeps(watcher: SolveWatcher, found: list[PreliminaryValues]) -> SolveW
     return replace(watcher, oriented=oriented, replaced=replaced)
 
 
-def _worst_in_image(bundle: BundleState, solution: Solution) -> str:
+def _worst_in_image(bundle: BundleState, solution: Solution) -> tuple[str, str] | None:
     residuals, folder = solution.residuals, bundle.project.folder
     for row in suspect_rows(solution, bundle.project.definition.test_level).tolist():
         photo = bundle.records.photos.get(record_key(residuals.photo[row]))
         if residuals.kind[row] == PHOTO_POINT.name and photo is not None:
             image = paths_of_photos({photo.name: photo.image}, folder, None)[0].get(photo.name)
-            return f"{photo.name}/{residuals.point[row]}" if image is not None else ""
-    return ""
+            return (photo.name, residuals.point[row]) if image is not None else None
+    return None
 
 
 def _left_out(bundle: BundleState, solution: Solution) -> tuple[str, ...]:

@@ -22,7 +22,7 @@ def image_path(folder: Path, photo: Photo) -> Path | None:
 
 
 def image_warnings(folder: Path, photos: Iterable[Photo], cameras: Mapping[str, Camera]) -> tuple[ProjectWarning, ...]:
-    """Return a warning for each photo whose image cannot be used; no pixel is decoded.
+    """Return a warning for each photo whose image cannot be used, or is that of another one; no pixel is decoded.
 
     Parameters
     ----------
@@ -31,8 +31,19 @@ def image_warnings(folder: Path, photos: Iterable[Photo], cameras: Mapping[str, 
     cameras : mapping of str to Camera
         By `record_key`.
     """
-    found = ((photo, image_fault(folder, photo, cameras.get(record_key(photo.camera)))) for photo in photos)
-    return tuple(ProjectWarning(IMAGE_CODE, f"photo {photo.name}", fault) for photo, fault in found if fault)
+    first: dict[Path, str] = {}
+    found = []
+    for photo in photos:
+        camera, path = cameras.get(record_key(photo.camera)), image_path(folder, photo)
+        fault = image_fault(folder, photo, camera)
+        # a scan may show several photos
+        if not fault and path is not None and camera is not None and camera.sensor is not None:
+            other = first.setdefault(path, photo.name)
+            if other != photo.name:
+                fault = f"its image {photo.image} is that of photo {other}; correct 'image' in orip.toml"
+        if fault:
+            found.append(ProjectWarning(IMAGE_CODE, f"photo {photo.name}", fault))
+    return tuple(found)
 
 
 def usable_images(folder: Path, photos: Iterable[Photo], cameras: Mapping[str, Camera]) -> dict[str, Path]:

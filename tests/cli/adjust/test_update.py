@@ -200,7 +200,7 @@ def test_a_text_that_changes_the_same_record_is_a_conflict(project: Path) -> Non
 
 def test_an_adjusted_lever_arm_is_to_be_written_into_the_text(project: Path) -> None:
     (project / "FIRST.STA").write_text(
-        "left 1070.02 2075.01 330.43 0.02 0.02 0.03\nright 1130 2075 330.4 0.02 0.02 0.03\n"
+        "left 1068.79 2074.17 332.92 0.02 0.02 0.03\nright 1132 2077.31 330.17 0.02 0.02 0.03\n"
     )
     text = (project / "orip.toml").read_text()
     antenna = '\n[[antenna]]\nname = "GNSS"\nunknown = ["LZ"]\n'

@@ -37,7 +37,7 @@ from orip.structs import replace
 from orip.workflow.project.run_id import digest_of_columns, digest_of_observations
 
 # A commit to disk takes some 20 ms; the deadline of an example would count them.
-exactly = settings(max_examples=25, deadline=None)
+exactly = settings(max_examples=12, deadline=None)
 
 
 def round_trip(file_name, write, read):

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from cli.command_line import orip
 from mistakes.advice import Project, follow, is_well, said_first, sound
+from support.long_cases import in_turn
 
 
 def exchanged(made: Project) -> None:
@@ -39,8 +40,7 @@ MISTAKES = {
 }
 
 
-@pytest.mark.parametrize("ending", ["", "STA", "ELE"])
-@pytest.mark.parametrize("mistake", MISTAKES)
+@pytest.mark.parametrize(("mistake", "ending"), in_turn(MISTAKES, ["", "STA", "ELE"]))
 def test_what_changes_least_and_fits_is_named_and_can_be_followed(tmp_path: Path, mistake: str, ending: str) -> None:
     change, words = MISTAKES[mistake]
     made, truth = sound(ending, 2), sound(ending, 2)

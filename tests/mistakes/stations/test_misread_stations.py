@@ -11,6 +11,7 @@ import pytest
 from cli.command_line import Said, orip
 from mistakes.first_line import first_line
 from mistakes.small_folders import aerial, images, known
+from support.long_cases import every, in_turn
 
 from orip.structs import replace
 
@@ -95,8 +96,7 @@ def status(said: Said) -> str:
     return next(line for line in said.told.splitlines() if re.match("status |error: ", line))
 
 
-@pytest.mark.parametrize("ending", ["STA", "ELE"])
-@pytest.mark.parametrize("name", MISREAD)
+@pytest.mark.parametrize(("name", "ending"), in_turn(MISREAD, ["STA", "ELE"]))
 def test_positions_that_were_written_otherwise_are_named_first(tmp_path: Path, name: str, ending: str) -> None:
     change, words, short = MISREAD[name]
     said = told(tmp_path / "folder", ending, change(PLACES))
@@ -126,7 +126,7 @@ def test_a_shift_that_gnss_can_be_off_by_is_still_to_be_set(tmp_path: Path) -> N
     assert "set shift" in said.told
 
 
-@pytest.mark.parametrize("ending", ["STA", "ELE"])
+@pytest.mark.parametrize("ending", every(2, ["STA", "ELE"]))
 def test_photos_of_two_lenses_under_one_camera_are_named_instead_of_their_stations(tmp_path: Path, ending: str) -> None:
     said = told(tmp_path / "folder", ending, PLACES, c_of_last=153.0)
     line = first_line([said])

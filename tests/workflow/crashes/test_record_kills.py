@@ -63,7 +63,7 @@ def test_killed_at_some_steps(name: str, before: Path, tmp_path: Path) -> None:
     old, new = state(before), state(after)
     assert old != new
     seen = set()
-    for step in sorted({*range(1, total + 1, max(total // 12, 1)), *range(max(total - 9, 1), total + 1)}):
+    for step in sorted({*range(1, total + 1, max(total // 6, 1)), *range(max(total - 5, 1), total + 1)}):
         folder = Path(shutil.copytree(before, tmp_path / str(step)))
         with pytest.raises(Killed), killed_at(step):
             command(folder)

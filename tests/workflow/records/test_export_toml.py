@@ -59,7 +59,7 @@ def export_and_init(folder: Path) -> None:
 
 
 @given(project_definitions())
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 def test_any_stores_exported_and_applied_are_the_same(
     tmp_path_factory: pytest.TempPathFactory, definition: ProjectDefinition
 ) -> None:

@@ -1,0 +1,27 @@
+"""Parameters of tests of which the ordinary suite takes some; ``make test-all`` takes all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import pytest
+
+
+def every(count: int, cases: Iterable[Any]) -> list[Any]:
+    """Return all cases, of which only each `count`-th is not long."""
+    return [_case(case, is_long=number % count > 0) for number, case in enumerate(cases)]
+
+
+def in_turn(cases: Iterable[Any], ways: Sequence[Any]) -> list[Any]:
+    """Return all cases in all ways, of which each case is not long in a single one: the ways take turns."""
+    return [
+        _case((case, way), is_long=number % len(ways) != at)
+        for number, case in enumerate(cases)
+        for at, way in enumerate(ways)
+    ]
+
+
+def _case(case: Any, *, is_long: bool) -> Any:
+    values = case if isinstance(case, tuple) else (case,)
+    return pytest.param(*values, marks=pytest.mark.long if is_long else ())
