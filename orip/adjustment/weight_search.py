@@ -29,6 +29,10 @@ _NEARLY = 0.1
 _HUBER, _CONVEX, _DANISH = 2.0, 20, 15
 """Residual up to which Huber's weights are 1, iterations with them, and iterations of the Danish method after these."""
 
+_FEW, _BREAKDOWN = 60, 0.5
+"""Observations that may have lost weight, and their part of all that are looked at. Beyond both the rest determines
+nothing, and linear theory has left what it is good for: observations that alone held a point have come back."""
+
 _LEAST_WEIGHT, _STEADY = 1e-10, 1e-4
 """Of an observation; and the part of a weight by which it changes at least."""
 
@@ -58,9 +62,10 @@ def weights_of_lower_cost(start: LinearAdjustment, limit: float, rounds: int = M
     first = _ends(start, limit)
     best, least = _lowest_from(start, first, at_start, limit, rounds)
     elsewhere = _after_convex_weights(start, limit)
-    at_first = float(begun(elsewhere, 1).costs(limit)[0])
-    other, cost = _lowest_from(elsewhere, _ends(elsewhere, limit), at_first, limit, rounds)
-    best, least = (other, cost) if cost < least else (best, least)
+    if not _has_broken_down(elsewhere.weight):
+        at_first = float(begun(elsewhere, 1).costs(limit)[0])
+        other, cost = _lowest_from(elsewhere, _ends(elsewhere, limit), at_first, limit, rounds)
+        best, least = (other, cost) if cost < least else (best, least)
     if least > at_start - LEAST_GAIN * limit**2 and are_many(start.weight, start.residual, limit):
         best = _settled_after_first_changes(start, limit)
     doubtful = at_start + _DOUBT * limit**2
@@ -168,10 +173,15 @@ def _settled(start: LinearAdjustment, end: _End, limit: float) -> _End:
     for _ in range(_DANISH):
         size = np.abs(start.residuals_with(weight))
         weight = np.where(size > limit, np.maximum(np.exp(-size / limit), _LEAST_WEIGHT), 1.0)
-        if np.array_equal(weight < 1.0, start.weight < 1.0):
+        if np.array_equal(weight < 1.0, start.weight < 1.0) or _has_broken_down(weight):
             return end
     cost = float(begun(start.with_weights(weight), 1).costs(limit)[0])
     return _End(cost, weight) if cost < end.cost else end
+
+
+def _has_broken_down(weight: FloatArray) -> bool:
+    """Return whether so many of the observations (c,) have lost weight that the others say nothing."""
+    return bool(np.count_nonzero(weight < 1.0) > max(_FEW, _BREAKDOWN * len(weight)))
 
 
 def _is_new(weight: FloatArray, passed: set[bytes]) -> bool:

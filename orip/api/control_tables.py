@@ -22,6 +22,7 @@ from orip.api.given import (
 )
 from orip.arrays import FloatArray
 from orip.errors import Complaint, ProjectWarning
+from orip.files.control.correlations import CORRELATION_KEYS
 from orip.files.control.preliminary_text import parse_preliminary
 from orip.files.control.stations_text import parse_stations
 from orip.files.control.text import parse_directions, parse_distances, parse_elements, parse_figures, parse_points
@@ -211,39 +212,44 @@ def given_directions(given: GivenDirections | None) -> Records[GivenDirection]:
 
 
 def stations(given: Stations | None) -> Records[Station]:
-    """Return exposure stations; a position or attitude that is NaN was not observed."""
+    """Return exposure stations; what is NaN was not observed."""
     if given is None:
         return Parsed(())
     columns = Columns("stations")
     names = columns.names("name", given.name)
-    angles, angle_error = given.angles, given.angle_error
-    if names is not None and angles is None:
-        angles, angle_error = np.full((len(names), 3), np.nan), np.nan
-    tables: dict[str, FloatArray | None] = {
-        "coordinates": columns.array("coordinates", given.coordinates, 3),
-        "error": columns.array("error", given.error, 3, may_be_one=True),
-        "angles": columns.array("angles", np.nan if angles is None else angles, 3),
-        "angle_error": columns.array("angle_error", np.nan if angle_error is None else angle_error, 3, may_be_one=True),
-        "time": columns.array("time", np.nan if given.time is None else given.time, may_be_one=True),
-    }
+    tables: dict[str, FloatArray | None] = {}
+    for values, error in _OF_STATIONS.items():
+        is_given = getattr(given, values) is not None
+        for column in (values, error):
+            numbers = getattr(given, column) if is_given else np.nan
+            may_be_one = column == error or not is_given
+            tables[column] = columns.array(column, np.nan if numbers is None else numbers, 3, may_be_one=may_be_one)
+    time = columns.array("time", np.nan if given.time is None else given.time, may_be_one=True)
     strips: list[str] | None = [_UNKNOWN] * (columns.count or 0)
     if given.strip is not None:
         strips = columns.names("strip", given.strip, may_be_one=True)
     found = {column: table for column, table in tables.items() if table is not None}
-    if names is None or strips is None or len(found) < len(tables):
+    if names is None or strips is None or time is None or len(found) < len(tables):
         return Parsed((), tuple(columns.complaints))
-    for values, error in (("coordinates", "error"), ("angles", "angle_error")):
+    for values, error in _OF_STATIONS.items():
         found[error] = np.where(np.isnan(found[values]), np.nan, found[error])
+    place_and_attitude, motion = list(found)[:4], list(found)[4:]
     rows = [
         [
             _Field("name", None, name),
-            *(field for column in list(found)[:4] for field in _numbers(column, found[column][row])),
-            _Field("time", None, _numbers("time", found["time"][row : row + 1])[0].text),
+            *(field for column in place_and_attitude for field in _numbers(column, found[column][row])),
+            _Field("time", None, _numbers("time", time[row : row + 1])[0].text),
             _Field("strip", None, strip),
+            *[_Field("error", None, _UNKNOWN)] * len(CORRELATION_KEYS),
+            *(field for column in motion for field in _numbers(column, found[column][row])),
         ]
         for row, (name, strip) in enumerate(zip(names, strips, strict=True))
     ]
     return _read(columns, rows, parse_stations)
+
+
+_OF_STATIONS = {"coordinates": "error", "angles": "angle_error", "velocity": "velocity_error", "rate": "rate_error"}
+"""Columns of stations with three numbers each, in the order of the fields of a line, and those of their errors."""
 
 
 def preliminary_points(given: PreliminaryPoints | None) -> Records[PreliminaryPoint]:

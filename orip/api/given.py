@@ -264,6 +264,15 @@ class Stations(Struct, frozen=True):
         Of the exposures, seconds; NaN where it is not known.
     strip : str or (n,) of str, optional
         Strips may have a shift and drift of their own.
+    velocity : array (n, 3), optional
+        During the exposure, for rolling shutters: of what the position is of, along X, Y, Z, ground units a second;
+        NaN where it is not known.
+    velocity_error : float or array (n, 3), optional
+        A-priori errors, ground units a second: 0 constant.
+    rate : array (n, 3), optional
+        Angular rate about X, Y, Z, degrees a second; NaN where it is not known.
+    rate_error : float or array (n, 3), optional
+        A-priori errors, degrees a second: 0 constant.
     """
 
     name: ArrayLike
@@ -273,6 +282,10 @@ class Stations(Struct, frozen=True):
     angle_error: ArrayLike | None = None
     time: ArrayLike | None = None
     strip: ArrayLike | None = None
+    velocity: ArrayLike | None = None
+    velocity_error: ArrayLike | None = None
+    rate: ArrayLike | None = None
+    rate_error: ArrayLike | None = None
 
 
 class PreliminaryPoints(Struct, frozen=True):

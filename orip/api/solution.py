@@ -76,6 +76,9 @@ class Solution:
         Of each camera on a rig: `rig`, `camera`, `name`, `value`, `sd`; ground unit, degrees. The sd is as of antennas.
     exposures : tuple of ExposureEstimate
         Of each exposure of a rig, as of photos: `exposure`, `rig`, `name`, `value`, `sd`.
+    motions : tuple of PhotoMotion
+        Of each photo of a rolling shutter: `photo`, `VX` to `WZ`, each with its `_sd`, and `pixels`; ground unit and
+        degrees a second. The sd is NaN of what is no unknown, infinite of what nothing determines.
     correlations : tuple of Correlation
         Between the parameters of each camera, and of each antenna.
     singular : tuple of SingularUnknown
@@ -115,6 +118,7 @@ class Solution:
         self.antennas = record.antennas
         self.mountings = record.mountings
         self.exposures = record.rig_exposures
+        self.motions = record.motions
         self.correlations = record.correlations
         self.singular = record.singular
         self.diagnosis = record.diagnosis

@@ -44,9 +44,9 @@ the control's length by which its points may lie off a line."""
 CONTROL_LINE = "control-line"
 """Code of the diagnosis that control hardly keeps a block from turning about a line."""
 
-_BEYOND = 10.0
+_BEYOND, _BEYOND_PART = 10.0, 0.1
 """Multiple of the control's distance from its line that points are away from it, where their errors are as many times
-those of the control."""
+those of the control; and the part of the points that has to be: wrong rays take single points anywhere."""
 
 
 def control_on_a_line(solved: SolvedBlock) -> Iterator[Diagnosis]:
@@ -71,17 +71,18 @@ def control_on_a_line(solved: SolvedBlock) -> Iterator[Diagnosis]:
     if len(rows) < _ON_A_LINE or not np.isfinite(control).all():
         return
     centre = control.mean(axis=0)
-    along = np.linalg.svd(control - centre)[2][0]
+    along = np.linalg.svd(control - centre, full_matrices=False)[2][0]
     off, away = (
         np.linalg.norm(part - centre - np.outer((part - centre) @ along, along), axis=1) for part in (control, every)
     )
-    if off.max() * _BEYOND > away.max():
+    beyond = float(np.quantile(away, 1.0 - _BEYOND_PART))
+    if off.max() * _BEYOND > beyond:
         return
     names = [point.name for point in held]
     text = (
-        f"{counted_names('control point', names)} lie nearly on a line: other points are up to {_length(away.max())} "
-        f"{block.ground_unit} away from it, the control at most {_length(off.max())}, and a turn about the line "
-        "is hardly determined"
+        f"{counted_names('control point', names)} lie nearly on a line: many points are {_length(beyond)} "
+        f"{block.ground_unit} and more away from it, the control at most {_length(off.max())}, and a turn about the "
+        "line is hardly determined"
     )
     yield Diagnosis(
         CONTROL_LINE, f"bundle {block.definition.name}", text, "give another control point away from the line"

@@ -18,7 +18,7 @@ from orip.geometry.rotation import (
     rotation_about_axes,
     rotation_from_angles,
 )
-from orip.interior.motions import Poses, poses, rolling_cameras, rows_of_readout
+from orip.interior.motions import Poses, poses, readout_a_mm, rolling_cameras, rows_of_readout
 from orip.records.block import Block
 from orip.records.camera import CAMERA_PARAMETERS, LENS_PLACES, READOUT, first_of_lens
 from orip.records.definition import ANTENNA_PARAMETERS, BORESIGHT_PLACES
@@ -200,10 +200,11 @@ def poses_of_rays(block: Block, state: BlockState, rays: IntArray | slice) -> Po
     points = block.photo_points
     photo = points.photo[rays]
     camera = block.photo_camera[photo]
-    row = rows_of_readout(block, points.xy[rays], camera)
-    if row is None:
+    a_mm = readout_a_mm(block)
+    if a_mm is None:
         return Poses(state.centres[photo], state.rotations[photo])
     motion = state.cameras[camera, READOUT, None] * state.motions[photo] + state.motion_corrections[photo]
+    row = rows_of_readout(a_mm, points.xy[rays], camera)
     return poses(state.centres[photo], state.rotations[photo], motion, row)
 
 

@@ -124,25 +124,34 @@ class Poses(Struct, frozen=True):
     rotations: FloatArray
 
 
-def rows_of_readout(block: Block, xy: FloatArray, camera: IntArray) -> FloatArray | None:
-    """Return the place (n,) of photo points in the readout, −1/2 in the upper row to 1/2; None: no camera has one.
+def readout_a_mm(block: Block) -> FloatArray | None:
+    """Return the part of each camera's readout (number of cameras,) that a mm of its photos takes, downwards.
 
-    Parameters
-    ----------
-    xy : array (n, 2)
-        Photo coordinates, mm.
-    camera : array (n,) of int
+    It is 0 for cameras without a readout; None: no camera has one.
     """
     rolling = rolling_cameras(block)
     if not rolling.any():
         return None
-    per_mm = np.array(
+    return np.array(
         [
             1.0 / record.sensor.height if moves and record.sensor is not None else 0.0
             for record, moves in zip(block.cameras, rolling, strict=True)
         ]
     )
-    return np.asarray(-xy[:, 1] * per_mm[camera])
+
+
+def rows_of_readout(a_mm: FloatArray, xy: FloatArray, camera: IntArray) -> FloatArray:
+    """Return the place (n,) of photo points in the readout, −1/2 in the upper row to 1/2.
+
+    Parameters
+    ----------
+    a_mm : array (number of cameras,)
+        See `readout_a_mm`.
+    xy : array (n, 2)
+        Photo coordinates, mm.
+    camera : array (n,) of int
+    """
+    return np.asarray(-xy[:, 1] * a_mm[camera])
 
 
 def poses(centres: FloatArray, rotations: FloatArray, motion: FloatArray, row: FloatArray) -> Poses:

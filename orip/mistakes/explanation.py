@@ -56,6 +56,7 @@ from orip.mistakes.stations.contradicting_positions import (
     scattered_positions,
 )
 from orip.mistakes.stations.doubted_camera import (
+    camera_explains_more,
     camera_instead_of_stations,
     lens_of_doubted_camera,
     without_positions,
@@ -120,7 +121,7 @@ def explain_misfit(
     if found := _of_ground(misfit, given):
         return found[:_MOST_WARNINGS]
     if solved.weighing.of_tracks and fits_without_wrong_matches(given):
-        lenses = two_lenses_of_photos(misfit)
+        lenses = two_lenses_of_photos(misfit) or lens_of_doubted_camera(misfit)
         return (lenses or _shown_by_itself(solution, solved, given, readjuster))[:_MOST_WARNINGS]
     if found := misread_vertical_photos(misfit):
         return found
@@ -213,7 +214,7 @@ def _shown_by_itself(
         *_or_mirrored(moved_photos(block, solved, given), solved, readjuster),
     ]
     control = contradicting_control(block, solution)
-    if control and _fits_without(control, given, readjuster):
+    if control and _fits_without(control, solution, given, readjuster):
         found += control
     heights = list(control_in_another_height_system(block, solution))
     if heights:
@@ -231,7 +232,7 @@ def _shown_by_itself(
     return found
 
 
-def _fits_without(control: Sequence[ProjectWarning], given: Fit, readjuster: Readjuster) -> bool:
+def _fits_without(control: Sequence[ProjectWarning], solution: Solution, given: Fit, readjuster: Readjuster) -> bool:
     """Tell whether the block fits without the control points of some warnings; large blocks are not tried.
 
     Residuals of measurements have longer tails than chance: if it is these points that do not fit, it suffices that
@@ -242,7 +243,7 @@ def _fits_without(control: Sequence[ProjectWarning], given: Fit, readjuster: Rea
     names = [point.name for point in readjuster.block.control_points]
     wrong = [name for name in names if any(name in f"{found.where} {found.text}".split() for found in control)]
     solved = readjuster.adjust_roughly(without_control(readjuster.block, wrong))
-    if solved is None:
+    if solved is None or camera_explains_more(solution, solved, readjuster):
         return False
     without, (kind, _, point, _) = fit_of_adjustment(solved), given.columns
     off = kind.where("control".__eq__) & (given.standard > _CONTROL_FITS * given.scale)

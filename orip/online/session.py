@@ -78,7 +78,7 @@ class OnlineSession:
         self._folder, self._seconds = folder, seconds
         self._films = mounted_films(folder, LOG, "heads")
         self.bundle = self._films.bundle(bundle)
-        control = self._films.state.texts.control_input(self.bundle.name).value.control
+        control = self._films.state.texts.control_of(self.bundle.name)
         left = left_to_the_adjustment(self._films.project.definition.rigs, control)
         self.warnings = (*self._films.warnings, *left)
         if self.bundle.repeated_points == "both":

@@ -27,6 +27,8 @@ MOST_LINES = 16
 USUAL_COLUMNS = 80
 LABEL_COLUMNS = 9
 _KEEP = "\N{NO-BREAK SPACE}"
+_SAID_BY_STATUS = re.compile(r"^(Converged, with doubts|The adjustment [a-z ]+): ")
+"""How a headline begins that says no more than the status does."""
 
 _WRONG = {
     "another-block",
@@ -137,9 +139,9 @@ def _trust(solution: Solution, gates: Sequence[GateResult]) -> Iterator[SummaryL
     level, text = headline(solution, sum(not result.passed for result in gates), test)
     status = solution.status.replace("_", " ")
     whole = solution.status in {"converged", "not_determined"}
-    finding = text if whole else f"{status}: {_uncapitalised(text.rpartition(': ')[2])}"
+    finding = text if whole else f"{status}: {_uncapitalised(_SAID_BY_STATUS.sub('', text))}"
     yield SummaryLine("status", _uncapitalised(finding), level)
-    if contradicting := group_findings(solution):
+    if (contradicting := group_findings(solution)) and contradicting[0].text in text:
         yield SummaryLine("", contradicting[0].remedy)
     tested = test.value if isinstance(test, Untested) else f"{sigma0_finding(solution.sigma0, test)} (chi-square test)"
     sigma0 = f"{solution.sigma0:.4f}" if math.isfinite(solution.sigma0) else "not known"

@@ -52,6 +52,9 @@ GIVEN = "given-orientation"
 _OF_START = (GIVEN, "exchanged-photos", "angle-unit", "control-unit", MIRRORED)
 """Codes of what is said of the values that an adjustment started from."""
 
+MISREAD_PHOTO = (MIRRORED, "exchanged-axes", "turned", "other-camera", "shifted-numbers", "contradicting-photo")
+"""Codes of what is wrong with all measurements of a photo."""
+
 MARKS = (MISNAMED_MARKS, MISREAD_MARK, EXCHANGED_TEMPLATES)
 
 OF_STATIONS = frozenset(
@@ -96,6 +99,8 @@ CONSEQUENCES: tuple[Consequence, ...] = (
     Consequence((COORDINATE_UNIT, RESOLUTION), warnings=None),
     # a photo that is measured wrong as a whole is anywhere, and leads the adjustment astray
     Consequence(EXPLAINING_WARNINGS, warnings=None, of_same_photo=True),
+    # ... and the control that it shows with it
+    Consequence(MISREAD_PHOTO, groups=(*_GROUND, "check point")),
     # where pictures are wrong, preliminary values are, and what a camera seems to have
     Consequence(
         (

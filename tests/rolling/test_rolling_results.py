@@ -7,16 +7,20 @@ from functools import cache
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 import orip
+from orip.api.control_tables import stations
 from orip.bundle.known_motions import without_motion
 from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import solve_block
+from orip.files.control.stations_text import parse_stations, stations_text
 from orip.files.listings.bundle_estimates import camera_lines, motion_lines
 from orip.files.result.json_text import result_document
+from orip.files.text.shown import Parsed
 from orip.records.block import Block
 from orip.records.camera import READOUT
-from orip.records.control import ControlElement
+from orip.records.control import NOT_GIVEN, ControlElement, StationMotion
 from orip.records.definition import Antenna
 from orip.records.results.solution import Solution
 from orip.report.photos import motion_table
@@ -97,9 +101,9 @@ def test_a_lever_arm_and_a_readout_together() -> None:
     assert found.sigma0 == pytest.approx(1.0, abs=0.15)
 
 
-def arrays(**camera: object) -> orip.Block:
-    """Return the flight as arrays, measured in pixels."""
-    block = made().block
+def arrays(block: Block | None = None, **camera: object) -> orip.Block:
+    """Return a flight as arrays, measured in pixels."""
+    block = block or made().block
     points, sensor = block.photo_points, block.cameras[0].sensor
     assert sensor is not None
     pixels = np.column_stack([points.xy[:, 0] / PIXEL + sensor.columns / 2, sensor.rows / 2 - points.xy[:, 1] / PIXEL])
@@ -118,12 +122,68 @@ def arrays(**camera: object) -> orip.Block:
             [point.name for point in control], [point.coordinates for point in control],
             [point.errors for point in control],
         ),
-        stations=orip.Stations(
-            [station.photo for station in block.stations], [station.position for station in block.stations], 0.02,
-            time=[station.time for station in block.stations], strip=[station.strip for station in block.stations],
-        ),
+        stations=stations_of(block),
         measurement_precision="0.5px",
     )  # fmt: skip
+
+
+def stations_of(block: Block) -> orip.Stations:
+    """Return the stations of a flight as arrays."""
+    given = block.stations
+    moved = [station.motion or StationMotion() for station in given]
+    return orip.Stations(
+        [station.photo for station in given], [station.position for station in given], 0.02,
+        time=[station.time for station in given], strip=[station.strip for station in given],
+        velocity=[motion.velocity for motion in moved], velocity_error=[motion.velocity_error for motion in moved],
+        rate=np.degrees([motion.rate for motion in moved]), rate_error=np.degrees([m.rate_error for m in moved]),
+    )  # fmt: skip
+
+
+def test_motions_of_stations_from_arrays_are_those_of_the_file() -> None:
+    """One station has no motion, one only a velocity, and one only an angular rate."""
+    block = flown(5, -0.04, 9.0, swing=SWINGING, unknown=UNKNOWN, known=(0.05, 0.3)).block
+    first, second, third, *others = block.stations
+    assert second.motion is not None
+    assert third.motion is not None
+    some = (
+        replace(first, motion=None),
+        replace(second, motion=replace(second.motion, rate=NOT_GIVEN, rate_error=NOT_GIVEN)),
+        replace(third, motion=replace(third.motion, velocity=NOT_GIVEN, velocity_error=NOT_GIVEN)),
+        *others,
+    )
+    block = replace(block, stations=some)
+    text = stations_text(block.stations)
+    read = parse_stations(Parsed(text.splitlines()), "FLIGHT.STA").value
+    found = stations(stations_of(block)).value
+    assert stations_text(found) == text
+    for one, other in zip(found, read, strict=True):
+        assert (one.motion is None) == (other.motion is None)
+    for one, other in zip(found, block.stations, strict=True):
+        said, wanted = one.motion or StationMotion(), other.motion or StationMotion()
+        for column in ("velocity", "velocity_error", "rate", "rate_error"):
+            np.testing.assert_allclose(getattr(said, column), getattr(wanted, column), rtol=1e-12)
+    # adjusted with them, the readout is that of the flight; without them the swinging shows in the residuals
+    by_stations = arrays(block, unknown=UNKNOWN, readout=-0.03).adjust()
+    assert by_stations.cameras["CAM"]["READOUT"] == pytest.approx(-0.04, abs=0.004)
+    assert [motion.photo for motion in by_stations.motions] == [photo.name for photo in block.photos]
+    assert np.isnan(by_stations.motions[0].WX_sd)
+    assert 0.0 < by_stations.motions[2].WX_sd <= 0.3
+    still = replace(block, stations=tuple(replace(station, motion=None) for station in block.stations))
+    assert arrays(still, unknown=UNKNOWN, readout=-0.03).adjust().sigma0 > 1.5 * by_stations.sigma0
+
+
+@pytest.mark.parametrize(
+    ("motion", "said"),
+    [
+        ({"velocity": [[1.0, 0.0, 0.0]]}, "stations.velocity"),
+        ({"velocity": [[1.0, 0.0, 0.0]], "velocity_error": -0.1}, "stations.velocity_error"),
+        ({"rate": [[1.0, 0.0]], "rate_error": 0.1}, "stations.rate"),
+        ({"rate": [[1.0, np.nan, 0.0]], "rate_error": 0.1}, "stations.rate"),
+    ],
+)
+def test_motions_that_cannot_be_are_named_by_their_column(motion: dict[str, ArrayLike], said: str) -> None:
+    (complaint, *_) = stations(orip.Stations(["P1"], [[0.0, 0.0, 0.0]], 0.1, **motion)).complaints
+    assert said in str(complaint)
 
 
 def test_readouts_of_blocks_from_arrays() -> None:

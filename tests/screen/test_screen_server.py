@@ -14,6 +14,7 @@ pytest.importorskip("cv2")
 from cli.command_line import orip  # noqa: E402  # after what it needs
 from screen.rendered_project import NEW, Rendered, asked, served  # noqa: E402
 
+from orip.cli.terminal import Terminal  # noqa: E402
 from orip.errors import UsageError  # noqa: E402
 from orip.screen.command import shown_first  # noqa: E402
 from orip.screen.plates import plates_of  # noqa: E402
@@ -125,7 +126,9 @@ def test_an_image_that_vanishes_is_one_message(project: Path) -> None:
         assert "P1.png" in said["error"]
 
 
-def test_run_and_status_name_the_command_that_shows_the_worst_misfit(project: Path, rendered: Rendered) -> None:
+def test_run_and_status_name_the_command_that_shows_the_worst_misfit(
+    project: Path, rendered: Rendered, monkeypatch: pytest.MonkeyPatch
+) -> None:
     said = orip(project, "run", "--no-report")
     assert "orip screen" not in said.out
     x, y = rendered.pixel(1, (0.44, 0.49))
@@ -134,6 +137,11 @@ def test_run_and_status_name_the_command_that_shows_the_worst_misfit(project: Pa
     said = orip(project, "run", "--no-report")
     assert "look     orip screen --at P1/T6 shows the worst misfit in its picture" in said.out
     assert "does not fit" in said.out
+    # where a screen is open, its page does; the address is for whoever reads the terminal, and not for a file
+    monkeypatch.setattr("orip.workflow.open_screen.open_screen", lambda _: "http://127.0.0.1:9/t/")
+    assert "look     the open orip screen shows the worst misfit, T6 in P1" in orip(project, "solve").out
+    monkeypatch.setattr(Terminal, "is_terminal", True)
+    assert "look     http://127.0.0.1:9/t/#photo=P1&point=T6 shows the worst misfit" in orip(project, "solve").out
     status = orip(project, "status").out
     assert ("orip screen shows where" in status) == ("doubtful" in status)
 

@@ -47,7 +47,7 @@ class SubBlock(NamedTuple):
         Number of unknowns in the front.
     sets : tuple of (camera, set, base)
         Cameras with additional parameters.
-    row : array (n,) or None
+    readout_a_mm : array (number of cameras,) or None
         See `PhotoPointObservations`.
     """
 
@@ -66,7 +66,7 @@ class SubBlock(NamedTuple):
     coordinates: FloatArray
     front: int
     sets: tuple[tuple[int, AdditionalSet, float], ...]
-    row: FloatArray | None = None
+    readout_a_mm: FloatArray | None = None
 
 
 class SubBlockSource(Protocol):
@@ -204,7 +204,7 @@ def _sub_block(
         coordinates[points],
         front,
         tuple((cameras.tolist().index(row), name, base) for row, name, base in observed.sets if row in cameras),
-        None if observed.row is None else observed.row[rays],
+        None if observed.readout_a_mm is None else observed.readout_a_mm[cameras],
     )
     blocks = np.empty(len(points), dtype=np.int64)
     blocks[blocks_of_points(_unknowns(found))] = of_point[points]
@@ -217,7 +217,7 @@ def loop_of(sub_block: SubBlock) -> PhotoPointLoop:
     rows = Rows(PHOTO_POINT, (), (), (), sub_block.xy.ravel(), sub_block.error.ravel(), np.zeros(0, dtype=bool), None)
     observed = PhotoPointObservations(
         rows, sub_block.photo, sub_block.point, sub_block.camera, sub_block.xy, sub_block.at_measured,
-        sub_block.is_equidistant, sub_block.sets, unknowns, sub_block.row,
+        sub_block.is_equidistant, sub_block.sets, unknowns, sub_block.readout_a_mm,
     )  # fmt: skip
     return photo_loop(observed, unknowns, sub_block.coordinates)
 

@@ -13,12 +13,7 @@
 #define MOST_CAMERA_COLUMNS (CAMERA_PARAMETERS + 2 * MOST_PRODUCTS)
 /* Of the orientation, and of the motion. */
 #define ORIENTATION_UNKNOWNS 6
-#define MOST_PHOTO_UNKNOWNS 12
-#ifdef HAS_MOTIONS
-#define PHOTO_UNKNOWNS MOST_PHOTO_UNKNOWNS
-#else
-#define PHOTO_UNKNOWNS ORIENTATION_UNKNOWNS
-#endif
+#define PHOTO_UNKNOWNS (ORIENTATION_UNKNOWNS + MOTION_UNKNOWNS)
 /* Kinds of cameras without a set: two bits. */
 #define IS_MEASURED 1
 #define IS_EQUIDISTANT 2
@@ -36,8 +31,9 @@ typedef struct {
     /* photo points */
     const int32_t *camera_of_photo, *photo, *point;
     const double *xy, *error;
-    /* of photos and of photo points, with `moving`; corrections: of motions that are unknowns */
-    const double *motions, *corrections, *row;
+    /* with `moving`: of photos, motions a second, or none where no readout is unknown, and during the whole readout; of
+     * cameras, the part of the readout that passes in a mm */
+    const double *motions, *moved, *rows_a_mm;
     int64_t count, camera_count, photo_count, photo_unknowns;
     int turned, moving;
 } Block;
@@ -75,7 +71,7 @@ typedef struct {
 #define ROWS_OF_SHARE 4096
 
 /* Partials by the unknowns of a photo in the order of its columns: X0, Y0, Z0, KAPPA, OMEGA, PHI, and its motion. */
-static const int32_t photo_elements[MOST_PHOTO_UNKNOWNS] = {
+static const int32_t photo_elements[ORIENTATION_UNKNOWNS + MOST_MOTION_UNKNOWNS] = {
     PHOTO, PHOTO + 1, PHOTO + 2, ROTATION + 2, ROTATION, ROTATION + 1,
     MOTION, MOTION + 1, MOTION + 2, MOTION + 3, MOTION + 4, MOTION + 5,
 };
@@ -107,19 +103,19 @@ INLINE void take_rays(const Block *b, const int32_t *rows, Ray *ray)
 }
 
 /* Take rays to the time of their rows, with the cameras that are loaded. */
-INLINE void move_rays(const Block *b, const int32_t *rows, Ray *ray)
+INLINE void move_rays(const Block *b, const int32_t *rows, int linear, Ray *ray)
 {
-    const double *motion[LANES], *correction[LANES], *row[LANES];
-    for (int lane = 0; lane < LANES; lane++) {
-        motion[lane] = b->motions + 6 * (int64_t)b->photo[rows[lane]], row[lane] = b->row + rows[lane];
-        correction[lane] = b->corrections + 6 * (int64_t)b->photo[rows[lane]];
-    }
-    for (int k = 0; k < 6; k++) {
+    const double *moved[LANES], *motion[LANES];
+    for (int lane = 0; lane < LANES; lane++)
+        moved[lane] = b->moved + 6 * (int64_t)b->photo[rows[lane]];
+    for (int k = 0; k < 6; k++)
+        ray->moved[k] = GATHERED(moved, k);
+    for (int lane = 0; lane < LANES && b->motions; lane++)
+        motion[lane] = b->motions + 6 * (int64_t)b->photo[rows[lane]];
+    for (int k = 0; linear && b->motions && k < 6; k++)
         ray->motion[k] = GATHERED(motion, k);
-        ray->moved[k] = ray->camera[READOUT] * ray->motion[k] + GATHERED(correction, k);
-    }
-    ray->row = GATHERED(row, 0);
-    move_ray(ray, b->turned);
+    ray->row = -ray->xy[1] * ray->row_a_mm;
+    move_ray(ray, b->turned, linear);
 }
 
 INLINE void take_cameras(const Block *b, const int32_t *cameras, Ray *ray)
@@ -129,6 +125,11 @@ INLINE void take_cameras(const Block *b, const int32_t *cameras, Ray *ray)
         camera[lane] = b->cameras + CAMERA_PARAMETERS * (int64_t)cameras[lane];
     for (int k = 0; k < CAMERA_PARAMETERS; k++)
         ray->camera[k] = GATHERED(camera, k);
+    if (b->moving) {
+        for (int lane = 0; lane < LANES; lane++)
+            camera[lane] = b->rows_a_mm + cameras[lane];
+        ray->row_a_mm = GATHERED(camera, 0);
+    }
 }
 
 /* Linearise photo points of cameras of one form; without a set it is compiled for each form, so that none waits for
@@ -173,7 +174,7 @@ INLINE void linearise(const Block *b, const int32_t *rows, int linear, Ray *ray,
         take_cameras(b, cameras, ray);
     take_rays(b, rows, ray);
     if (b->moving)
-        move_rays(b, rows, ray);
+        move_rays(b, rows, linear, ray);
     linearise_kind(b, cameras[0], ray, linear, found);
     for (int lane = 1; !same && lane < LANES; lane++) {
         Linearised other;

@@ -18,14 +18,16 @@
 #define POLYNOMIALS 5
 #define PRODUCTS (POLYNOMIALS * POLYNOMIALS)
 
-/* Where the partials by each group of unknowns begin. Those by the motion of the photo, shifts and turns during a readout,
- * are found where HAS_MOTIONS is defined: the loops are compiled with it and without. */
-enum { CAMERA = 0, COEFFICIENTS = 3, READOUT = 12, PHOTO = 13, ROTATION = 16, POINT = 19, MOTION = 22, MOST_ELEMENTS = 28 };
-#ifdef HAS_MOTIONS
-#define ELEMENTS MOST_ELEMENTS
-#else
-#define ELEMENTS MOTION
+/* How many of the shifts and turns of a photo during a readout are unknowns, shifts first: the loops are compiled with
+ * none, three and six. */
+#define MOST_MOTION_UNKNOWNS 6
+#define MOTION_STEP 3
+#ifndef MOTION_UNKNOWNS
+#define MOTION_UNKNOWNS 0
 #endif
+
+/* Where the partials by each group of unknowns begin. */
+enum { CAMERA = 0, COEFFICIENTS = 3, READOUT = 12, PHOTO = 13, ROTATION = 16, POINT = 19, MOTION = 22, ELEMENTS = MOTION + MOTION_UNKNOWNS };
 
 /* The deformation by a set of additional parameters: dx and dy are sums of products B_i(y) A_j(x) of two polynomials of a
  * coordinate, numbered i times `polynomials` plus j. by_powers: their coefficients by powers of the coordinate; dx, dy:
@@ -35,10 +37,10 @@ typedef struct {
     const double *by_powers, *in_image[2];
 } Set;
 
-/* motion: a second; moved: during a readout, with what is corrected of it; by_turns: from small changes of the turns until
- * the row to rotations about the ground axes. */
+/* motion: a second, zero where no readout is unknown; moved: during a readout, with what is corrected of it; by_turns: from
+ * small changes of the turns until the row to rotations about the ground axes. */
 typedef struct {
-    Lanes camera[CAMERA_PARAMETERS], centre[3], rotation[9], basis[9], ground[3], xy[2], motion[6], moved[6], by_turns[9], row;
+    Lanes camera[CAMERA_PARAMETERS], centre[3], rotation[9], basis[9], ground[3], xy[2], motion[6], moved[6], by_turns[9], row, row_a_mm;
 } IN_LINES Ray;
 
 /* product: those of a set, by whose coefficients in dx (or dy) they are the partials of x (or y). */
@@ -196,20 +198,20 @@ INLINE void axis_matrix(const Lanes *a, Lanes square, Lanes sine, Lanes versine,
 }
 
 /* Square of an angle below which the terms that follow in the series are smaller than rounding. */
-#define SMALL_SQUARE 0.1
+#define SMALL_SQUARE 1e-3
 
 /* 1 / n! - s / (n + 2)! + s^2 / (n + 4)! ... for small s; factorial: n!. */
 INLINE Lanes alternating_series(Lanes s, int n, double factorial)
 {
-    double term[6] = {1.0 / factorial};
-    for (int k = 1; k < 6; k++)
+    double term[4] = {1.0 / factorial};
+    for (int k = 1; k < 4; k++)
         term[k] = -term[k - 1] / ((n + 2 * k - 1) * (n + 2 * k));
-    return term[0] + s * (term[1] + s * (term[2] + s * (term[3] + s * (term[4] + s * term[5]))));
+    return term[0] + s * (term[1] + s * (term[2] + s * term[3]));
 }
 
-/* Exp([a]x), and J with Exp([a + d]x) = Exp([J d]x) Exp([a]x) for small d: see rotation_about_axes of
+/* Exp([a]x), and if `linear` J with Exp([a + d]x) = Exp([J d]x) Exp([a]x) for small d: see rotation_about_axes of
  * orip/geometry/rotation.py and orip/geometry/rolling_shutter.py. */
-INLINE void rotation_about(const Lanes *a, Lanes *rotation, Lanes *by_turns)
+INLINE void rotation_about(const Lanes *a, int linear, Lanes *rotation, Lanes *by_turns)
 {
     const Lanes square = a[0] * a[0] + a[1] * a[1] + a[2] * a[2];
     Lanes sine = alternating_series(square, 1, 1.0), versine = alternating_series(square, 2, 2.0);
@@ -221,7 +223,8 @@ INLINE void rotation_about(const Lanes *a, Lanes *rotation, Lanes *by_turns)
             LANE(rest, lane) = (1.0 - LANE(sine, lane)) / LANE(square, lane);
         }
     axis_matrix(a, square, sine, versine, rotation);
-    axis_matrix(a, square, versine, rest, by_turns);
+    if (linear)
+        axis_matrix(a, square, versine, rest, by_turns);
 }
 
 INLINE void turn_matrix(const Lanes *turn, Lanes *matrix)
@@ -235,19 +238,19 @@ INLINE void turn_matrix(const Lanes *turn, Lanes *matrix)
 
 /* Take a ray's photo to where it was when the row of the photo point was exposed; rotations about the ground axes are
  * those of then. See orip/geometry/rolling_shutter.py. */
-INLINE void move_ray(Ray *ray, int turned)
+INLINE void move_ray(Ray *ray, int turned, int linear)
 {
     Lanes angles[3], turn[9];
     for (int axis = 0; axis < 3; axis++) {
         ray->centre[axis] += ray->row * ray->moved[axis];
         angles[axis] = ray->row * ray->moved[3 + axis];
     }
-    rotation_about(angles, turn, ray->by_turns);
+    rotation_about(angles, linear, turn, ray->by_turns);
     turn_matrix(turn, ray->rotation);
-    if (turned)
+    if (turned && linear)
         turn_matrix(turn, ray->basis);
     else
-        for (int k = 0; k < 9; k++)
+        for (int k = 0; linear && k < 9; k++)
             ray->basis[k] = turn[k];
 }
 
@@ -327,8 +330,11 @@ INLINE void collinearity(const Ray *ray, int is_equidistant, int at_measured, co
             const Lanes *j = ray->by_turns + axis, shift = -ray->row * g[axis];
             const Lanes of_turn = ray->row * (turn[0] * j[0] + turn[1] * j[3] + turn[2] * j[6]);
             p[READOUT] += shift * ray->motion[axis] + of_turn * ray->motion[3 + axis];
-#ifdef HAS_MOTIONS
-            p[MOTION + axis] = shift, p[MOTION + 3 + axis] = of_turn;
+#if MOTION_UNKNOWNS > 0
+            p[MOTION + axis] = shift;
+#endif
+#if MOTION_UNKNOWNS > 3
+            p[MOTION + 3 + axis] = of_turn;
 #endif
         }
         if (turned) {

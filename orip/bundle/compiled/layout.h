@@ -42,7 +42,8 @@ static int do_indices_fit(const Arguments *a)
         && has(a, START, length_of(a, BLOCK) + 1) && has(a, RUNS_START, groups + 1) && has(a, CAMERA_PRODUCTS, cameras)
         && has(a, CAMERA_OWN, cameras) && has(a, CAMERA_ELEMENTS, CAMERA_PARAMETERS * cameras)
         && has(a, CAMERA_UNKNOWNS, cameras) && has(a, CAMERA_TERMS, 2 * MOST_CAMERA_UNKNOWNS * cameras)
-        && (a->numbers[0] == ORIENTATION_UNKNOWNS || a->numbers[0] == MOST_PHOTO_UNKNOWNS);
+        && is_whole(a->numbers[0], ORIENTATION_UNKNOWNS, PHOTO_UNKNOWNS)
+        && (int)a->numbers[0] % MOTION_STEP == 0;
 }
 
 /* Whether each camera has the columns that its unknowns are sums of: without products, those of its elements. */

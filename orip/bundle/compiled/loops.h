@@ -1,5 +1,5 @@
-/* The loops over all photo points of a block, compiled for each kind of processor, with and without motions of photos as
- * unknowns: see loops_plain.c, loops_avx2.c, and moving_loops_plain.c, moving_loops_avx2.c. */
+/* The loops over all photo points of a block, compiled for each kind of processor, without motions of photos as
+ * unknowns, with velocities, and with angular rates too: see loops_plain.c and loops_avx2.c, and what includes them. */
 
 #ifndef ORIP_LOOPS_H
 #define ORIP_LOOPS_H
@@ -23,9 +23,9 @@ typedef struct {
     void (*backward)(const Block *b, const Pattern *p, Share share, const Coupling *c, int32_t *numbers, double *room);
 } Loops;
 
-extern const Loops plain_loops, moving_plain_loops;
+extern const Loops plain_loops, shifting_plain_loops, moving_plain_loops;
 #ifdef HAS_AVX2_LOOPS
-extern const Loops avx2_loops, moving_avx2_loops;
+extern const Loops avx2_loops, shifting_avx2_loops, moving_avx2_loops;
 #endif
 
 #endif

@@ -6,7 +6,7 @@
  */
 
 /* What the loops need at most is what those with motions need. */
-#define HAS_MOTIONS
+#define MOTION_UNKNOWNS 6
 
 #include "layout.h"
 #include "turns.h"
@@ -14,7 +14,7 @@
 /* The arguments that all loops have in common, in this order, after the layout and the turns and before their own. */
 enum {
     CAMERAS, DEFORMATION, CENTRES, ROTATIONS, BASES, GROUND, SET_POLYNOMIALS, TERM_FACTORS, XY, ERROR, MOTIONS,
-    CORRECTIONS, ROW_IN_READOUT,
+    MOVED, ROWS_A_MM,
     OBSERVATION_END,
     CAMERA_PLACES = OBSERVATION_END, PHOTO_PLACES, PATTERN_END
 };
@@ -38,8 +38,8 @@ typedef struct {
 /* What is done with a share. */
 typedef void (*Step)(const Call *c, int64_t share, const void *arrays);
 
-/* With the orientations of photos as unknowns, and with motions too. */
-static const Loops *loops = &plain_loops, *moving_loops = &moving_plain_loops;
+/* With so many times three motions of photos as unknowns. */
+static const Loops *loops[] = {&plain_loops, &shifting_plain_loops, &moving_plain_loops};
 
 static int are_all_within(const Arguments *a, int array, int64_t least, int64_t end)
 {
@@ -56,16 +56,15 @@ static int take_block(Call *call)
     b->rotations = v[ROTATIONS].buf, b->bases = v[BASES].buf, b->ground = v[GROUND].buf;
     b->by_powers = v[SET_POLYNOMIALS].buf, call->pattern.term_factors = v[TERM_FACTORS].buf;
     b->xy = v[XY].buf, b->error = v[ERROR].buf;
-    b->motions = v[MOTIONS].buf, b->corrections = v[CORRECTIONS].buf, b->row = v[ROW_IN_READOUT].buf;
-    b->turned = v[BASES].len > 0, b->moving = v[ROW_IN_READOUT].len > 0;
+    b->motions = v[MOTIONS].len > 0 ? v[MOTIONS].buf : NULL, b->moved = v[MOVED].buf, b->rows_a_mm = v[ROWS_A_MM].buf;
+    b->turned = v[BASES].len > 0, b->moving = v[ROWS_A_MM].len > 0;
     return has(a, CAMERAS, CAMERA_PARAMETERS * b->camera_count)
         && has(a, DEFORMATION, 2 * PRODUCTS * b->camera_count) && has(a, CENTRES, 3 * b->photo_count) && has(a, ROTATIONS, 9 * b->photo_count)
         && (!b->turned || has(a, BASES, 9 * b->photo_count)) && length_of(a, GROUND) / 3 >= call->points
         && has(a, SET_POLYNOMIALS, POLYNOMIALS * POLYNOMIALS * b->camera_count)
         && has(a, TERM_FACTORS, 2 * MOST_CAMERA_UNKNOWNS * b->camera_count) && has(a, XY, 2 * b->count)
-        && has(a, ERROR, 2 * b->count) && has(a, MOTIONS, b->moving ? 6 * b->photo_count : 0)
-        && has(a, CORRECTIONS, b->moving ? 6 * b->photo_count : 0)
-        && (!b->moving || has(a, ROW_IN_READOUT, b->count));
+        && has(a, ERROR, 2 * b->count) && (!b->motions || has(a, MOTIONS, 6 * b->photo_count))
+        && has(a, MOVED, b->moving ? 6 * b->photo_count : 0) && (!b->moving || has(a, ROWS_A_MM, b->camera_count));
 }
 
 /* The first address from `memory` on at which a line of the cache begins: vectors do not cross lines then. */
@@ -129,7 +128,7 @@ static int begin(Call *call, PyObject *const *arguments, Py_ssize_t given, const
     }
     const Layout *l = PyCapsule_GetPointer(arguments[0], LAYOUT_NAME);
     call->block = l->block, call->pattern = l->pattern, call->points = l->points;
-    call->loops = l->block.photo_unknowns == MOST_PHOTO_UNKNOWNS ? moving_loops : loops;
+    call->loops = loops[(l->block.photo_unknowns - ORIENTATION_UNKNOWNS) / MOTION_STEP];
     call->turns = PyCapsule_GetPointer(arguments[1], TURNS_NAME);
     return take_arguments(&call->a, arguments + 2, given - 2, kinds, numbers);
 }
@@ -405,7 +404,7 @@ PyMODINIT_FUNC PyInit__observation_loop(void)
 {
 #ifdef HAS_AVX2_LOOPS
     if (__builtin_cpu_supports("avx2"))
-        loops = &avx2_loops, moving_loops = &moving_avx2_loops;
+        loops[0] = &avx2_loops, loops[1] = &shifting_avx2_loops, loops[2] = &moving_avx2_loops;
 #endif
     return PyModule_Create(&definition);
 }

@@ -22,10 +22,12 @@ from orip.adjustment.factorisation.elimination import BlockFactors, Coupling, El
 from orip.adjustment.factorisation.fronts import DissectedMatrix
 from orip.adjustment.factorisation.null_space import Amounts, MovementSums, PointMovements
 from orip.arrays import BoolArray, FloatArray
+from orip.bundle.compiled.loop_arguments import MOVEMENTS, amounts_of, measures, movements, stored, whole
 from orip.bundle.compiled.loop_pattern import Cameras, Pattern, blocks_of_points, cameras_of_loop, pattern_of_loop
 from orip.bundle.kinds.photo_point import POINT_PARTIALS, PhotoPointObservations
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
+from orip.records.camera import READOUT
 from orip.threads import at_once, available_threads
 
 try:
@@ -41,9 +43,6 @@ _PHOTO_ORDER = (0, 1, 2, 5, 3, 4)
 
 _VECTORS = 8
 """As MOST_VECTORS of substitution.h."""
-
-_MOVEMENTS = 8
-"""As MOST_MOVEMENTS of inner_constraints.h."""
 
 _RAYS_OF_A_THREAD = 5000
 """Photo points for which a thread pays: a loop goes through them in one to two milliseconds."""
@@ -73,9 +72,10 @@ class PhotoPointLoop(Struct, frozen=True):
     ----------
     points : PhotoPointObservations
     cameras : Cameras
-    photo_columns : array (p, 6) or (p, 12) of int
-        X0, Y0, Z0, KAPPA, OMEGA, PHI, in the order of the columns, then motions where they are unknowns of any photo;
-        `CONSTANT` where there is no unknown.
+    camera_of_photo : array (p,) of int
+    photo_columns : array (p, 6), (p, 9) or (p, 12) of int
+        X0, Y0, Z0, KAPPA, OMEGA, PHI, in the order of the columns, then velocities and angular rates where they are
+        unknowns of any photo; `CONSTANT` where there is no unknown.
     pattern : Pattern
     block : array (n,) of int
         Which eliminated point each photo point is of, -1 for those of points that are not; the caller adds these.
@@ -85,6 +85,7 @@ class PhotoPointLoop(Struct, frozen=True):
 
     points: PhotoPointObservations
     cameras: Cameras
+    camera_of_photo: IntArray
     photo_columns: IntArray
     pattern: Pattern
     block: NDArray[np.int32]
@@ -108,7 +109,7 @@ class PhotoPointLoop(Struct, frozen=True):
         """Return the normal equations of the points; see `DesignMatrix.block_normals`. `others` is overwritten."""
         found = BlockNormals(*(np.ascontiguousarray(array) for array in others))
         factor = root_weights / self.points.rows.error
-        places = self._places(_whole(layout.reduced))
+        places = self._places(whole(layout.reduced))
         self._compute(compiled.points, *self._observations(state), *places, factor, misclosure, *found)
         return found
 
@@ -135,7 +136,7 @@ class PhotoPointLoop(Struct, frozen=True):
         max_lost_digits, damping : float
         """
         m, b = layout.reduced, layout.blocks
-        arrangement = layout.arrangement or _whole(m)
+        arrangement = layout.arrangement or whole(m)
         matrix = others.matrix.toarray() if layout.arrangement is None else band_of(others.matrix, arrangement)
         columns = arrangement.columns
         diagonal, right = others.matrix.diagonal()[columns], others.right[columns]
@@ -145,8 +146,8 @@ class PhotoPointLoop(Struct, frozen=True):
         self._compute(
             compiled.eliminate, *self._observations(state), *self._places(arrangement), weights, residual,
             np.ascontiguousarray(layout.fixed[m:]), others.blocks, factor, others.block_right, diagonal, right,
-            half, pivots, removed, *_stored(matrix), 10.0**-max_lost_digits, 1.0 + damping,
-            *_measures(matrix),
+            half, pivots, removed, *stored(matrix), 10.0**-max_lost_digits, 1.0 + damping,
+            *measures(matrix),
         )  # fmt: skip
         return EliminatedNormals(
             matrix,
@@ -162,19 +163,19 @@ class PhotoPointLoop(Struct, frozen=True):
         assert isinstance(coupling, StreamedCoupling), "the normal equations are those of this loop"
         assert not isinstance(inverse, DissectedMatrix), "and so is their inverse"
         blocks, leverage = np.empty_like(coupling.half), np.zeros(self.points.xy.size)
-        arrangement = inverse.arrangement if isinstance(inverse, BandMatrix) else _whole(len(inverse))
+        arrangement = inverse.arrangement if isinstance(inverse, BandMatrix) else whole(len(inverse))
         self._compute(
             compiled.precision, *self._observations(coupling.state), *self._places(arrangement), coupling.factor,
-            1.0 / self.points.rows.error, coupling.half, *_stored(inverse), *_amounts(amounts, arrangement), blocks,
-            leverage, *_measures(inverse),
+            1.0 / self.points.rows.error, coupling.half, *stored(inverse), *amounts_of(amounts, arrangement), blocks,
+            leverage, *measures(inverse),
         )  # fmt: skip
         return BlockPrecision(blocks, leverage)
 
     def movement_sums(self, coupling: StreamedCoupling, points: PointMovements) -> MovementSums:
         """Return what eliminated points contribute to the amounts of movements."""
         d = points.coefficients.shape[1]
-        reduced, own = np.zeros((coupling.size, _MOVEMENTS)), np.zeros((_MOVEMENTS, _MOVEMENTS))
-        self._compute(compiled.movements, *self._coupling(coupling), *_movements(points), reduced, own)
+        reduced, own = np.zeros((coupling.size, MOVEMENTS)), np.zeros((MOVEMENTS, MOVEMENTS))
+        self._compute(compiled.movements, *self._coupling(coupling), *movements(points), reduced, own)
         return MovementSums(reduced[:, :d], own[:d, :d])
 
     def forward(self, coupling: StreamedCoupling, points: FloatArray) -> FloatArray:
@@ -224,7 +225,7 @@ class PhotoPointLoop(Struct, frozen=True):
     def _observations(self, state: BlockState) -> tuple[object, ...]:
         points, cameras = self.points, self.cameras
         turned, nothing = state.turned_by_angles.any(), np.empty(0)
-        moving = (nothing,) * 3 if points.row is None else (state.motions, state.motion_corrections, points.row)
+        moving = (nothing,) * 3 if points.readout_a_mm is None else self._motions(state, points.readout_a_mm)
         arrays = (
             state.cameras, cameras.deformation(state.additional), state.centres, state.rotations,
             state.rotation_basis() if turned else nothing, state.points, cameras.by_powers, cameras.term_factors,
@@ -232,12 +233,18 @@ class PhotoPointLoop(Struct, frozen=True):
         )  # fmt: skip
         return tuple(np.ascontiguousarray(array) for array in arrays)
 
+    def _motions(self, state: BlockState, a_mm: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return motions of photos a second, if a readout is unknown, those during it, and the readout in a mm."""
+        during = state.cameras[self.camera_of_photo, READOUT, None] * state.motions + state.motion_corrections
+        is_unknown = (self.points.unknowns.cameras[:, READOUT] != CONSTANT).any()
+        return state.motions if is_unknown else np.empty(0), during, a_mm
+
     def _places(self, arrangement: Arrangement) -> tuple[IntArray, IntArray]:
         places = np.append(arrangement.places, CONSTANT).astype(np.int32)  # CONSTANT is -1, the last index
         return places[self.cameras.columns], places[self.photo_columns]
 
     def _coupling(self, coupling: StreamedCoupling) -> tuple[object, ...]:
-        return (*self._observations(coupling.state), *self._places(_whole(coupling.size)), coupling.factor,
+        return (*self._observations(coupling.state), *self._places(whole(coupling.size)), coupling.factor,
                 coupling.half)  # fmt: skip
 
 
@@ -313,46 +320,6 @@ def _parts(count: int) -> Iterator[slice]:
     return (slice(start, start + _VECTORS) for start in range(0, count, _VECTORS))
 
 
-def _movements(points: PointMovements) -> tuple[object, ...]:
-    """Return the arrays of the movements of points."""
-    coefficients = np.zeros((3, 4, _MOVEMENTS))
-    coefficients[:, :, : points.coefficients.shape[1]] = np.swapaxes(points.coefficients, 1, 2)
-    others = (np.ascontiguousarray(array) for array in (points.free, points.defining))
-    return (np.ascontiguousarray(points.homogeneous), coefficients, *others)
-
-
-def _amounts(amounts: Amounts | None, arrangement: Arrangement) -> tuple[object, ...]:
-    """Return the arrays of the amounts of movements, those of reduced unknowns in their places; empty without them."""
-    nothing, no_flags = np.empty(0), np.empty(0, dtype=bool)
-    if amounts is None:
-        return nothing, nothing, no_flags, no_flags, nothing, nothing
-    with_reduced = np.zeros((len(arrangement.places), _MOVEMENTS))
-    d = len(amounts.own)
-    with_reduced[:, :d] = amounts.with_reduced[arrangement.columns]
-    half_of_own = np.zeros(_MOVEMENTS)
-    half_of_own[:d] = amounts.own / 2.0
-    return (*_movements(amounts.points), with_reduced, half_of_own)
-
-
-def _whole(size: int) -> Arrangement:
-    """Return the arrangement of a full matrix."""
-    return Arrangement(np.arange(size), size, size)
-
-
-def _stored(matrix: Symmetric) -> tuple[FloatArray, FloatArray]:
-    """Return band and border of a matrix; a full one is a band alone."""
-    found = (matrix.band, matrix.border) if isinstance(matrix, BandMatrix) else (matrix, np.empty(0))
-    return np.ascontiguousarray(found[0]), np.ascontiguousarray(found[1])
-
-
-def _measures(matrix: Symmetric) -> tuple[int, int, int]:
-    """Return the stride of columns in memory, the number of banded places and the number of all."""
-    size = len(matrix)
-    if isinstance(matrix, BandMatrix):
-        return matrix.arrangement.width, matrix.arrangement.banded, size
-    return size, size, size
-
-
 def is_compiled() -> bool:
     """Return whether the compiled loop was built."""
     return _IS_COMPILED
@@ -376,11 +343,14 @@ def photo_loop(points: PhotoPointObservations, unknowns: Unknowns, coordinates: 
     camera_of_photo[points.photo] = points.camera
     cameras = cameras_of_loop(points, unknowns)
     pattern = pattern_of_loop(points.photo, block, of_block, camera_of_photo, len(unknowns.cameras))
-    motions = [unknowns.motions] if points.has_unknown_motions else []
-    of_photos = np.hstack([unknowns.photos[:, _PHOTO_ORDER], *motions])
+    rates_begin = 3
+    with_rates = (unknowns.motions[:, rates_begin:] != CONSTANT).any()
+    motions = unknowns.motions[:, : None if with_rates else rates_begin * points.has_unknown_motions]
+    of_photos = np.hstack([unknowns.photos[:, _PHOTO_ORDER], motions])
     return PhotoPointLoop(
         points,
         cameras,
+        camera_of_photo,
         np.ascontiguousarray(of_photos, dtype=np.int32),
         pattern,
         block,

@@ -56,23 +56,27 @@ INLINE void find_points_of_strips(const Local *local, int64_t photos, const Poin
     }
 }
 
-/* Subtract the products of some points of a panel, a bit each, from a strip of some columns; of each column the panel has
- * the strip that it lies in from its own place on. */
+/* Columns of a photo whose products are formed together, and vectors of a strip: their sums are in registers. */
+#define PHOTO_COLUMNS (PHOTO_UNKNOWNS % COLUMNS_OF_PANEL ? PHOTO_UNKNOWNS : COLUMNS_OF_PANEL)
+#define PHOTO_VECTORS (PHOTO_COLUMNS > COLUMNS_OF_PANEL ? 1 : STRIP / LANES)
+
+/* Subtract the products of some points of a panel, a bit each, from a part of a strip of some columns; of each column the
+ * panel has the strip that it lies in from its own place on. */
 INLINE void subtract_products(const double *strip, const double *const *of_column, int32_t points, double *const *columns)
 {
-    Lanes sums[COLUMNS_OF_PANEL][STRIP / LANES];
-    for (int c = 0; c < COLUMNS_OF_PANEL; c++)
-        for (int k = 0; k < STRIP / LANES; k++)
+    Lanes sums[PHOTO_COLUMNS][PHOTO_VECTORS];
+    for (int c = 0; c < PHOTO_COLUMNS; c++)
+        for (int k = 0; k < PHOTO_VECTORS; k++)
             sums[c][k] = ALL(0.0);
     for (int64_t from = 0; points; points >>= 1, from += 3 * STRIP)
         for (int64_t at = from; points & 1 && at < from + 3 * STRIP; at += STRIP)
-            for (int c = 0; c < COLUMNS_OF_PANEL; c++) {
+            for (int c = 0; c < PHOTO_COLUMNS; c++) {
                 const Lanes of_own = ALL(of_column[c][at]);
-                for (int k = 0; k < STRIP / LANES; k++)
+                for (int k = 0; k < PHOTO_VECTORS; k++)
                     sums[c][k] += of_own * AT(strip + at + k * LANES);
             }
-    for (int c = 0; c < COLUMNS_OF_PANEL; c++)
-        for (int k = 0; k < STRIP / LANES; k++)
+    for (int c = 0; c < PHOTO_COLUMNS; c++)
+        for (int k = 0; k < PHOTO_VECTORS; k++)
             AT(columns[c] + k * LANES) -= sums[c][k];
 }
 
@@ -82,21 +86,21 @@ INLINE void eliminate_from_photo(const Sums *s, int64_t cameras, int64_t photos,
 {
     if (!seen)
         return;
-    const double *of_column[COLUMNS_OF_PANEL];
-    double *columns[COLUMNS_OF_PANEL];
-    for (int64_t c = 0; c < COLUMNS_OF_PANEL; c++) {
+    const double *of_column[PHOTO_COLUMNS];
+    double *columns[PHOTO_COLUMNS];
+    for (int64_t c = 0; c < PHOTO_COLUMNS; c++) {
         const int64_t j = first + c;
         of_column[c] = panel->rows + j / STRIP * (PANEL_PRODUCTS * STRIP) + j % STRIP;
         columns[c] = photos_of(s, cameras + j);
     }
     for (int64_t i = first / STRIP * STRIP; i < photos; i += STRIP) {
         const int32_t both = seen & panel->of_strip[i / STRIP];
-        double *at[COLUMNS_OF_PANEL];
-        if (!both)
-            continue;
-        for (int64_t c = 0; c < COLUMNS_OF_PANEL; c++)
-            at[c] = columns[c] + i;
-        subtract_products(panel->rows + i * PANEL_PRODUCTS, of_column, both, at);
+        for (int64_t part = 0; both && part < STRIP; part += PHOTO_VECTORS * LANES) {
+            double *at[PHOTO_COLUMNS];
+            for (int64_t c = 0; c < PHOTO_COLUMNS; c++)
+                at[c] = columns[c] + i + part;
+            subtract_products(panel->rows + i * PANEL_PRODUCTS + part, of_column, both, at);
+        }
     }
 }
 
@@ -108,7 +112,7 @@ static void eliminate_points(const Local *local, const Sums *s, PointPanel *pane
         find_points_of_strips(local, local->size - cameras, panel);
     for (int32_t photo = 0; panel->points && photo < local->photo_runs; photo++) {
         const int64_t first = local->first[local->camera_runs + photo] - cameras;
-        for (int64_t of_photo = 0; of_photo < PHOTO_UNKNOWNS; of_photo += COLUMNS_OF_PANEL)
+        for (int64_t of_photo = 0; of_photo < PHOTO_UNKNOWNS; of_photo += PHOTO_COLUMNS)
             eliminate_from_photo(s, cameras, local->size - cameras, first + of_photo, panel, panel->seen[photo]);
         panel->seen[photo] = 0;
     }

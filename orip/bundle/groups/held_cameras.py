@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orip.adjustment.residual_sums import HeldParameters
-from orip.arrays import FloatArray, IntArray
+from orip.arrays import FloatArray, IntArray, rows_of_groups
 from orip.bundle.groups.observation_groups import ObservationGroup
 from orip.bundle.kinds.observation import partials_by_unknowns
 from orip.bundle.kinds.photo_point import PhotoPointObservations
@@ -26,6 +26,9 @@ TESTED = ("C", "DX", "DY", "A3", "READOUT")
 _MOST_PHOTO_POINTS = 200_000
 """Most photo points that are linearised once more for this."""
 
+_MOST_NUMBERS = 20_000_000
+"""Of what all unknowns absorb of the held parameters: a camera for each of many photos has as many of these."""
+
 
 class HeldCameras(NamedTuple):
     """The held parameters as groups without observations, how many photo coordinates each acts on, and their sums."""
@@ -36,8 +39,9 @@ class HeldCameras(NamedTuple):
 
 
 class _Parameter(NamedTuple):
-    """The places of cameras with one lens, and of a parameter."""
+    """The place of a lens, of the cameras with it that share a parameter, and of the parameter."""
 
+    lens: int
     cameras: IntArray
     place: int
 
@@ -50,31 +54,39 @@ def held_cameras(solved: SolvedBlock, weight: FloatArray) -> HeldCameras | None:
     weight : array (n,)
         Weight factors of all equations, 0 where one is disregarded.
     """
-    parameters = list(_held(solved))
-    if not parameters or len(solved.block.photo_points.photo) > _MOST_PHOTO_POINTS:
+    parameters, size = list(_held(solved)), solved.problem.layout.size
+    count, rays = len(parameters), len(solved.block.photo_points.photo)
+    if not parameters or rays > _MOST_PHOTO_POINTS or count * size > _MOST_NUMBERS:
         return None
-    count, size = len(parameters), solved.problem.layout.size
     values, square, right, number = np.zeros(count), np.zeros((count,) * 2), np.zeros((size, count)), np.zeros(count)
+    lens_of_camera = np.array(first_of_lens(solved.block.cameras))
+    of_lens = rows_of_groups(np.array([one.lens for one in parameters]), len(lens_of_camera))
     first = 0
     # what the rows of the normal equations absorb of others, of a state that is hardly different, may be more than all
     for part in _photo_points(solved).in_parts():
-        rows = slice(first, first + len(part.rows.error))
-        first = rows.stop
+        start = first
+        first = start + len(part.rows.error)
         _, (partials, columns) = partials_by_unknowns(part, solved.linearised_at, solved.problem.unknowns)
         partials = partials / part.rows.error[:, None]
         camera = np.repeat(part.camera, 2)
-        acts = np.column_stack(
-            # a parameter that is too large acts like photo coordinates that are too small by its partials
-            [np.where(np.isin(camera, one.cameras), -partials[:, one.place], 0.0) for one in parameters]
-        )
-        weighted = weight[rows, None] * acts
-        values += weighted.T @ solved.equations.residual[rows]
-        square += weighted.T @ acts
-        number += np.count_nonzero(weighted, axis=0)
-        touched = columns != CONSTANT
-        for place in range(count):
-            products = (partials * weighted[:, place, None])[touched]
-            right[:, place] += np.bincount(columns[touched], products, minlength=size)
+        for held, mine in zip(of_lens, rows_of_groups(lens_of_camera[camera], len(lens_of_camera)), strict=True):
+            if not len(held) or not len(mine):
+                continue
+            acts = np.column_stack(
+                # a parameter that is too large acts like photo coordinates that are too small by its partials
+                [
+                    np.where(np.isin(camera[mine], one.cameras), -partials[mine, one.place], 0.0)
+                    for one in (parameters[row] for row in held.tolist())
+                ]
+            )
+            weighted = weight[start + mine, None] * acts
+            values[held] += weighted.T @ solved.equations.residual[start + mine]
+            square[np.ix_(held, held)] += weighted.T @ acts
+            number[held] += np.count_nonzero(weighted, axis=0)
+            touched = columns[mine] != CONSTANT
+            for place, one in enumerate(held.tolist()):
+                products = (partials[mine] * weighted[:, place, None])[touched]
+                right[:, one] += np.bincount(columns[mine][touched], products, minlength=size)
     acting = np.flatnonzero(np.diag(square) > 0.0)
     if not len(acting):
         return None
@@ -93,7 +105,7 @@ def _held(solved: SolvedBlock) -> Iterator[_Parameter]:
             place = CAMERA_PARAMETERS.index(name)
             if columns[row, place] == CONSTANT and (first[row] == row or name in OWN_PARAMETERS):
                 same = np.array([row]) if name in OWN_PARAMETERS else np.flatnonzero(first == row)
-                yield _Parameter(same, place)
+                yield _Parameter(int(first[row]), same, place)
 
 
 def _group(solved: SolvedBlock, held: _Parameter) -> ObservationGroup:

@@ -16,7 +16,7 @@ from orip.geometry.projection import projected_with_partials
 from orip.geometry.rolling_shutter import Motion, MovingImage, moving_image_with_partials
 from orip.interior.additional_parameters import PARAMETER_SETS, base_of_camera
 from orip.interior.image_coordinates import ImageResiduals, SetValues, image_residuals_with_partials
-from orip.interior.motions import rows_of_readout
+from orip.interior.motions import readout_a_mm, rows_of_readout
 from orip.records.block import Block
 from orip.records.camera import CAMERA_PARAMETERS, READOUT, AdditionalSet
 from orip.records.coded_names import CodedNames, coded
@@ -42,8 +42,8 @@ class PhotoPointObservations(Observations, frozen=True):
         The camera's projection; else the perspective.
     sets : tuple of (camera, set, base)
         Cameras with additional parameters.
-    row : array (n,) or None
-        Place of each point in the readout, -1/2 in the upper row to 1/2; None: no camera has one.
+    readout_a_mm : array (number of cameras,) or None
+        See `orip.interior.motions.readout_a_mm`; None: no camera has a readout.
     """
 
     rows: Rows
@@ -55,7 +55,7 @@ class PhotoPointObservations(Observations, frozen=True):
     is_equidistant: BoolArray
     sets: tuple[tuple[int, AdditionalSet, float], ...]
     unknowns: Unknowns
-    row: FloatArray | None = None
+    readout_a_mm: FloatArray | None = None
 
     def columns(self) -> NDArray[np.int32]:
         """Return the unknowns (2 n, k) that each equation touches; computed on request, as there may be millions."""
@@ -98,7 +98,7 @@ class PhotoPointObservations(Observations, frozen=True):
         return PhotoPointObservations(
             some, self.photo[places], self.point[places], self.camera[places], self.xy[places],
             self.at_measured[places], self.is_equidistant[places], self.sets, self.unknowns,
-            None if self.row is None else self.row[places],
+            self.readout_a_mm,
         )  # fmt: skip
 
     def linearise_with_partials(self, state: BlockState) -> Linearisation:
@@ -118,7 +118,7 @@ class PhotoPointObservations(Observations, frozen=True):
             )
             residual[rows] = found.value
             partials[rows, :, : _FIRST_ADDITIONAL + found.by_additional.shape[2]] = _chained(image.of(rows), found)
-            if self.row is not None:
+            if self.readout_a_mm is not None:
                 partials[rows, :, READOUT] = (found.by_ideal @ moving.by_readout[rows, :, None])[:, :, 0]
             if self.has_unknown_motions:
                 by_motion = np.concatenate([moving.by_velocity[rows], moving.by_rate[rows]], axis=2)
@@ -130,18 +130,19 @@ class PhotoPointObservations(Observations, frozen=True):
             residual.ravel(), partials.reshape(len(residual.ravel()), -1), np.repeat(image.in_front, 2)
         )
 
-    def moving_image(self, state: BlockState) -> MovingImage:
-        """Return the ideal coordinates, each at the time of its row."""
+    def moving_image(self, state: BlockState, row: float | None = None) -> MovingImage:
+        """Return the ideal coordinates, each at the time of its row, or all of one."""
         offset = state.points[self.point] - state.centres[self.photo]
         rotation, parameters = state.rotations[self.photo], state.cameras[self.camera]
-        if self.row is None:
+        if self.readout_a_mm is None:
             image = projected_with_partials(offset, rotation, parameters[:, 0], self.is_equidistant)
             return MovingImage(image, *[np.empty(0)] * 3)
         # during a whole readout: what is corrected does not depend on how long it takes
         steady = state.motions[self.photo]
         motion = parameters[:, READOUT, None] * steady + state.motion_corrections[self.photo]
         found = moving_image_with_partials(
-            offset, rotation, parameters[:, 0], self.is_equidistant, Motion(motion[:, :3], motion[:, 3:]), self.row,
+            offset, rotation, parameters[:, 0], self.is_equidistant, Motion(motion[:, :3], motion[:, 3:]),
+            rows_of_readout(self.readout_a_mm, self.xy, self.camera) if row is None else np.full(len(motion), row),
             np.ones(len(motion)),
         )  # fmt: skip
         by_readout = found.by_velocity @ steady[:, :3, None] + found.by_rate @ steady[:, 3:, None]
@@ -199,7 +200,7 @@ def observe_photo_points(block: Block, unknowns: Unknowns) -> PhotoPointObservat
     is_equidistant = np.array([record.projection == "equidistant" for record in block.cameras], dtype=bool)
     return PhotoPointObservations(
         rows, points.photo, points.point, camera, points.xy, set_aside(at_measured[camera]),
-        set_aside(is_equidistant[camera]), sets, unknowns, rows_of_readout(block, points.xy, camera),
+        set_aside(is_equidistant[camera]), sets, unknowns, readout_a_mm(block),
     )  # fmt: skip
 
 

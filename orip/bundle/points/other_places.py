@@ -124,7 +124,6 @@ def _at(kind: PhotoPointObservations, rays: IntArray, point: IntArray | int) -> 
         xy=kind.xy[rays],
         at_measured=kind.at_measured[rays],
         is_equidistant=kind.is_equidistant[rays],
-        row=None if kind.row is None else kind.row[rays],
     )
 
 

@@ -289,6 +289,7 @@ def reduced_cofactors(solved: SolvedBlock, columns: IntArray) -> FloatArray:
     unknown = columns != CONSTANT
     if not unknown.any():
         return np.zeros((*columns.shape, columns.shape[1]))
-    mine = np.where(unknown, columns, 0)
+    # a constant stands for any other unknown of its row: not all others have a cofactor with these
+    mine = np.where(unknown, columns, np.maximum(columns.max(axis=1, keepdims=True), 0))
     found = solved.cofactors.reduced[mine[:, :, None], mine[:, None, :]]
     return np.asarray(np.where(unknown[:, :, None] & unknown[:, None, :], found, 0.0))

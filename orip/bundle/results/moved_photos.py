@@ -10,7 +10,6 @@ from orip.bundle.results.ground import deviations
 from orip.bundle.solve import SolvedBlock
 from orip.interior.motions import rolling_cameras
 from orip.records.results.solution import PhotoMotion
-from orip.structs import replace
 from orip.units import DEGREES_PER_RADIAN
 
 _UNIT = np.repeat([1.0, DEGREES_PER_RADIAN], 3)
@@ -44,9 +43,7 @@ def _pixels(solved: SolvedBlock) -> FloatArray:
     )
     squares, number = np.zeros(len(block.photos)), np.zeros(len(block.photos))
     for part in kind.in_parts():
-        ends = [
-            replace(part, row=np.full(len(part.photo), end)).moving_image(solved.state).image for end in (-0.5, 0.5)
-        ]
+        ends = [part.moving_image(solved.state, end).image for end in (-0.5, 0.5)]
         seen = ends[0].in_front & ends[1].in_front
         moved = (ends[1].xy - ends[0].xy)[seen] / pixel[part.camera[seen], None]
         squares += np.bincount(part.photo[seen], np.sum(moved**2, axis=1), len(squares))

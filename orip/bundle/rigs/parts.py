@@ -184,7 +184,7 @@ def _turn(bodies: FloatArray, photos: FloatArray) -> FloatArray | None:
         np.hstack([np.kron(np.eye(3), body), -np.kron(photo.T, np.eye(3))])
         for body, photo in zip(bodies, photos, strict=True)
     ]
-    _, sizes, right = np.linalg.svd(np.vstack(rows))
+    _, sizes, right = np.linalg.svd(np.vstack(rows), full_matrices=False)
     if sizes[-2] < _SEPARATE * sizes[-1]:
         return None
     mounting = right[-1, :9].reshape(3, 3, order="F")

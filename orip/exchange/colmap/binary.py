@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import TypeVar
 
 import numpy as np
 
+from orip.arrays import BoolArray, IntArray
 from orip.errors import Complaint
 from orip.exchange.colmap.model import CAMERA_MODELS, MODEL_NAMES, ColmapCamera, ColmapImage, ColmapPoints, no_points
 from orip.files.text.shown import Parsed, printable
@@ -144,21 +145,52 @@ def _images(source: Bytes) -> tuple[ColmapImage, ...]:
 
 
 def _points(source: Bytes) -> ColmapPoints:
-    heads, tracks = [], []
-    view = memoryview(source.data)
-    for _ in range(source.count(_HEAD.itemsize, "points")):
-        source.require(_HEAD.itemsize, "a point")
-        heads.append(view[source.at : source.at + _HEAD.itemsize])
-        source.at += _HEAD.itemsize - 8
-        length = source.count(_TRACK_BYTES, "rays of a point") * _TRACK_BYTES
-        tracks.append(view[source.at : source.at + length])
-        source.at += length
-    head = np.frombuffer(b"".join(heads), _HEAD)
+    starts = np.array(list(_starts_of_points(source)), dtype=np.int64)
+    data = np.frombuffer(source.data, np.uint8, source.at)
+    is_head = _heads(starts, len(data))
+    head, tracks = data[is_head].view(_HEAD), data[8:][~is_head[8:]].view("<u4")
     return ColmapPoints(
         head["id"].astype(np.int64),
         head["at"].astype(np.float64),
         head["colour"].copy(),
         head["error"].astype(np.float64),
         head["length"].astype(np.int64),
-        np.frombuffer(b"".join(tracks), "<u4").reshape(-1, 2).astype(np.int64),
+        tracks.reshape(-1, 2).astype(np.int64),
     )
+
+
+def _starts_of_points(source: Bytes) -> Iterator[int]:
+    """Yield where each point begins; the length of its track tells where the next one does."""
+    number, at, end = source.count(_HEAD.itemsize, "points"), source.at, len(source.data)
+    length_at, before_track = struct.Struct("<Q").unpack_from, _HEAD.itemsize - 8
+    for _ in range(number):
+        source.at = at
+        if at + _HEAD.itemsize > end:
+            source.require(_HEAD.itemsize, "a point")
+        (length,) = length_at(source.data, at + before_track)
+        yield at
+        at += _HEAD.itemsize + length * _TRACK_BYTES
+        if at > end:
+            source.at += before_track
+            source.count(_TRACK_BYTES, "rays of a point")
+    source.at = at
+
+
+def _heads(starts: IntArray, size: int) -> BoolArray:
+    """Return which of so many bytes are of heads of points, which begin at `starts` (m,); the others are tracks."""
+    is_head = np.zeros(size, dtype=np.bool_)
+    is_head[starts[:, None] + np.arange(_HEAD.itemsize)] = True
+    return is_head
+
+
+def bytes_of_points(points: ColmapPoints) -> bytes:
+    """Return points3D.bin."""
+    head = np.empty(len(points.ids), _HEAD)
+    head["id"], head["at"], head["colour"] = points.ids, points.coordinates, points.colours
+    head["error"], head["length"] = points.errors, points.lengths
+    sizes = _HEAD.itemsize + _TRACK_BYTES * points.lengths
+    is_head = _heads(np.cumsum(sizes) - sizes, int(sizes.sum()))
+    found = np.empty(len(is_head), np.uint8)
+    found[is_head] = head.view(np.uint8)
+    found[~is_head] = points.tracks.astype("<u4").view(np.uint8).ravel()
+    return struct.pack("<Q", len(head)) + found.tobytes()

@@ -219,31 +219,22 @@ def _camera(camera: ColmapCamera) -> ExchangedCamera:
 
 def _rays(images: Sequence[ColmapImage], ids: IntArray) -> tuple[ExchangedRays, int]:
     """Return the rays, and how many are left out, as there is no such point."""
-    order = np.argsort(ids, kind="stable")
-    photos, points, places = [], [], []
-    unknown = 0
-    for number, image in enumerate(images):
-        seen = np.flatnonzero(image.points >= 0)
-        found, is_known = _places(image.points[seen], ids, order)
-        unknown += int((~is_known).sum())
-        photos.append(np.full(is_known.sum(), number, dtype=np.int64))
-        points.append(found[is_known])
-        places.append(image.keypoints[seen[is_known]])
-    count = sum(map(len, photos))
-    rays = ExchangedRays(
-        np.concatenate(photos) if photos else np.zeros(0, dtype=np.int64),
-        np.concatenate(points) if points else np.zeros(0, dtype=np.int64),
-        np.concatenate(places) if places else np.zeros((0, 2)),
-        np.full(count, np.nan),
-        np.ones(count, dtype=np.bool_),
-    )
-    return rays, unknown
+    photo = np.repeat(np.arange(len(images)), [len(image.points) for image in images])
+    owner = np.concatenate([np.zeros(0, dtype=np.int64), *(image.points for image in images)])
+    seen = np.flatnonzero(owner >= 0)
+    point, is_known = places_of_ids(owner[seen], ids)
+    kept = seen[is_known]
+    image = np.concatenate([np.zeros((0, 2)), *(image.keypoints for image in images)])[kept]
+    count = len(kept)
+    rays = ExchangedRays(photo[kept], point[is_known], image, np.full(count, np.nan), np.ones(count, dtype=np.bool_))
+    return rays, len(seen) - count
 
 
-def _places(wanted: IntArray, ids: IntArray, order: IntArray) -> tuple[IntArray, BoolArray]:
+def places_of_ids(wanted: IntArray, ids: IntArray) -> tuple[IntArray, BoolArray]:
     """Return the places of wanted ids among ids, and which of them are there."""
     if not len(ids):
         return np.zeros(len(wanted), dtype=np.int64), np.zeros(len(wanted), dtype=np.bool_)
+    order = np.argsort(ids, kind="stable")
     found = order[np.minimum(np.searchsorted(ids[order], wanted), len(ids) - 1)]
     return found, ids[found] == wanted
 

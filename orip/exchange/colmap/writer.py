@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from orip.arrays import BoolArray, IntArray
+from orip.arrays import BoolArray, IntArray, rows_of_groups
 from orip.errors import InputError
+from orip.exchange.colmap.binary import bytes_of_points
 from orip.exchange.colmap.model import (
     CAMERA_MODELS,
     NO_POINT,
@@ -19,7 +20,7 @@ from orip.exchange.colmap.model import (
     ColmapModel,
     ColmapPoints,
 )
-from orip.exchange.colmap.reader import PARTS, Form, form_of, model_folder, read_folder
+from orip.exchange.colmap.reader import PARTS, Form, form_of, model_folder, places_of_ids, read_folder
 from orip.exchange.colmap.rig_files import rig_files
 from orip.exchange.colmap.rigs import is_same_pose, with_rigs
 from orip.exchange.sources.names import distinct_names
@@ -61,7 +62,7 @@ def model_files(model: ColmapModel, form: Form, before: Mapping[str, bytes] | No
         return {
             "cameras.bin": b"".join(_binary_cameras(model)),
             "images.bin": b"".join(_binary_images(model)),
-            "points3D.bin": b"".join(_binary_points(model.points)),
+            "points3D.bin": bytes_of_points(model.points),
             **rig_files(model, is_binary=True),
         }
     texts = {
@@ -157,21 +158,6 @@ def _binary_images(model: ColmapModel) -> Iterator[bytes]:
         yield keypoints.tobytes()
 
 
-def _binary_points(points: ColmapPoints) -> Iterator[bytes]:
-    yield struct.pack("<Q", len(points.ids))
-    tracks = points.tracks.astype("<u4")
-    ends = np.cumsum(points.lengths).tolist()
-    start = 0
-    rows = zip(
-        points.ids.tolist(), points.coordinates.tolist(), points.colours.tolist(), points.errors.tolist(), ends,
-        strict=True,
-    )  # fmt: skip
-    for identity, place, colour, error, end in rows:
-        yield struct.pack("<q3d3BdQ", identity, *place, *colour, error, end - start)
-        yield tracks[start:end].tobytes()
-        start = end
-
-
 _MODELS_WRITTEN = (
     "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "FULL_OPENCV",
     "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "OPENCV_FISHEYE", "THIN_PRISM_FISHEYE",
@@ -210,8 +196,8 @@ def new_model(project: ExchangedProject) -> ColmapModel:
     camera_ids = _ids([camera.name for camera in project.cameras])
     point_ids = np.array(_ids(distinct_names(project.points)), dtype=np.int64)
     images = []
-    for number, photo in enumerate(project.photos):
-        rows = np.flatnonzero((project.rays.photo == number) & project.rays.is_active)
+    of_photo = rows_of_groups(np.where(project.rays.is_active, project.rays.photo, -1), len(project.photos))
+    for number, (photo, rows) in enumerate(zip(project.photos, of_photo, strict=True)):
         images.append(
             ColmapImage(
                 photo_ids[number],
@@ -288,10 +274,10 @@ def _without_points(model: ColmapModel, gone: BoolArray) -> ColmapModel:
         return model
     points, left = model.points, ~gone
     of_track = np.repeat(left, points.lengths)
-    lost = points.ids[gone]
-    images = tuple(
-        replace(image, points=np.where(np.isin(image.points, lost), NO_POINT, image.points)) for image in model.images
-    )
+    owner = np.concatenate([np.zeros(0, dtype=np.int64), *(image.points for image in model.images)])
+    owner[np.isin(owner, points.ids[gone])] = NO_POINT
+    ends = np.cumsum([len(image.points) for image in model.images])
+    images = tuple(replace(image, points=own) for image, own in zip(model.images, np.split(owner, ends), strict=False))
     kept = ColmapPoints(
         points.ids[left],
         points.coordinates[left],
@@ -332,19 +318,14 @@ def _without_rays(model: ColmapModel, project: ExchangedProject) -> ColmapModel:
 
 def _tracks(images: Sequence[ColmapImage], ids: IntArray) -> tuple[IntArray, IntArray]:
     """Return the numbers of rays of points, and image ids and places of keypoints of all points in their order."""
-    order = np.argsort(ids, kind="stable")
-    owners, rows = [], []
+    rows = [np.zeros((0, 2), dtype=np.int64)]
+    owners = [np.zeros(0, dtype=np.int64)]
     for image in images:
         seen = np.flatnonzero(image.points >= 0)
         owners.append(image.points[seen])
         rows.append(np.column_stack([np.full(len(seen), image.id, dtype=np.int64), seen]))
-    owner = np.concatenate(owners) if owners else np.zeros(0, dtype=np.int64)
-    all_rows = np.concatenate(rows) if rows else np.zeros((0, 2), dtype=np.int64)
-    if not len(ids):
-        return np.zeros(0, dtype=np.int64), np.zeros((0, 2), dtype=np.int64)
-    point = order[np.minimum(np.searchsorted(ids[order], owner), len(ids) - 1)]
-    is_known = ids[point] == owner
-    point, all_rows = point[is_known], all_rows[is_known]
+    point, is_known = places_of_ids(np.concatenate(owners), ids)
+    point, all_rows = point[is_known], np.concatenate(rows)[is_known]
     lengths = np.bincount(point, minlength=len(ids)).astype(np.int64)
     return lengths, all_rows[np.argsort(point, kind="stable")]
 

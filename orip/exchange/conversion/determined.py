@@ -8,8 +8,7 @@ import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray, rows_of_groups
 from orip.exchange.conversion.cameras import ConvertedCamera, pixels_of_directions
-from orip.exchange.conversion.reprojection import Reprojection, with_intersections
-from orip.geometry.rotation import rotated_back
+from orip.exchange.conversion.reprojection import Reprojection, in_photo_axes, with_intersections
 from orip.records.camera import CAMERA_PARAMETERS, Camera
 from orip.records.exchanged import ExchangedCamera, ExchangedProject
 from orip.structs import replace
@@ -80,9 +79,10 @@ def determined_parameters(
 
 def _redundancy(project: ExchangedProject, used: BoolArray, is_control: BoolArray) -> int:
     """Return how many more observations than unknowns the block has if its cameras are held."""
-    photos, points = np.unique(project.rays.photo[used]), np.unique(project.rays.point[used])
-    given = 3 * int(is_control[points].sum()) + sum(3 for one in project.stations if one.has_position)
-    return 2 * int(used.sum()) + max(given, _DATUM) - 6 * len(photos) - 3 * len(points)
+    has_photo = np.bincount(project.rays.photo[used], minlength=len(project.photos)) > 0
+    has_point = np.bincount(project.rays.point[used], minlength=len(is_control)) > 0
+    given = 3 * int((is_control & has_point).sum()) + sum(3 for one in project.stations if one.has_position)
+    return 2 * int(used.sum()) + max(given, _DATUM) - 6 * int(has_photo.sum()) - 3 * int(has_point.sum())
 
 
 def _countable(unknown: Sequence[tuple[str, ...]], redundancy: int) -> list[tuple[str, ...]]:
@@ -105,13 +105,12 @@ def _offsets(
 ) -> FloatArray:
     """Return the points of rays in the axes of their photos, array (k, 3); NaN where they are not known."""
     photo, point = project.rays.photo, project.rays.point
-    rotations, centres = found.rotations[photo], found.centres[photo]
-    coordinates = project.points.coordinates
+    centres, coordinates = found.centres[photo], project.points.coordinates
     if not np.isfinite(coordinates[point[used]]).all():
+        rotations = found.rotations[photo]
         coordinates = with_intersections(cameras, camera_of_ray, pixels, coordinates, rotations, centres, point, used)
     with np.errstate(all="ignore"):
-        away = coordinates[point] - centres
-        return np.stack(rotated_back(tuple(rotations.reshape(-1, 9).T), *away.T), axis=1)
+        return np.stack(in_photo_axes(found.rotations, photo, coordinates[point] - centres), axis=1)
 
 
 def _station_weights(project: ExchangedProject, found: Reprojection) -> FloatArray:
@@ -132,10 +131,11 @@ def _determined(
 ) -> tuple[str, ...]:
     """Return those of the names that are determined, dropping one after the other until all that are left are."""
     tangents = offset[:, :2] / -offset[:, 2:]
-    reach = pixels_of_directions(camera, tangents) - pixels_of_directions(camera, np.zeros((1, 2)))
+    base = pixels_of_directions(camera, tangents)
+    reach = base - pixels_of_directions(camera, np.zeros((1, 2)))
     radius = float(np.nanmax(np.hypot(*reach.T), initial=1.0))
-    by_parameters = _by_parameters(camera, names, tangents, radius)
-    by_pose = _by_pose(camera, tangents, -offset[:, 2])
+    by_parameters = _by_parameters(camera, names, tangents, base, radius)
+    by_pose = _by_pose(camera, tangents, base, -offset[:, 2])
     sound = np.isfinite(by_parameters).all(axis=(1, 2)) & np.isfinite(by_pose).all(axis=(1, 2))
     effect = np.linalg.norm(by_parameters[sound], axis=1).max(axis=0, initial=0.0)
     by_parameters = by_parameters[sound] / np.where(effect > 0.0, effect, 1.0)
@@ -150,9 +150,10 @@ def _determined(
     return tuple(names[n] for n in left)
 
 
-def _by_parameters(camera: Camera, names: tuple[str, ...], tangents: FloatArray, reach: float) -> FloatArray:
-    """Return the partials (n, 2, u) of pixels by parameters, in units that move what is `reach` pixels out by some."""
-    base = pixels_of_directions(camera, tangents)
+def _by_parameters(
+    camera: Camera, names: tuple[str, ...], tangents: FloatArray, base: FloatArray, reach: float
+) -> FloatArray:
+    """Return the partials (n, 2, u) of pixels `base` by parameters, in units that move what is `reach` out by some."""
     found = np.empty((len(tangents), 2, len(names)))
     pixel = 1.0 if camera.sensor is None else camera.sensor.width / camera.sensor.columns
     radius = reach * pixel
@@ -167,22 +168,18 @@ def _by_parameters(camera: Camera, names: tuple[str, ...], tangents: FloatArray,
     return found
 
 
-def _by_pose(camera: Camera, tangents: FloatArray, depth: FloatArray) -> FloatArray:
-    """Return the partials (n, 2, 6) of pixels by a rotation about the photo's axes and by its centre along them."""
+def _by_pose(camera: Camera, tangents: FloatArray, base: FloatArray, depth: FloatArray) -> FloatArray:
+    """Return the partials (n, 2, 6) of pixels `base` by a rotation about the photo's axes, its centre along them."""
     step = 1e-6
-    base = pixels_of_directions(camera, tangents)
-    by_tangents = np.stack(
-        [(pixels_of_directions(camera, tangents + step * np.eye(2)[axis]) - base) / step for axis in (0, 1)], axis=2
-    )
+    by_x, by_y = ((pixels_of_directions(camera, tangents + step * axis) - base) / step for axis in np.eye(2))
     x, y = tangents.T
-    zero, one = np.zeros_like(x), np.ones_like(x)
-    # of the tangents of a vector (x, y, -1) by the vector, and of the vector by a rotation
-    by_vector = np.stack([np.stack([one, zero, x], axis=1), np.stack([zero, one, y], axis=1)], axis=1)
-    turned = np.stack(
-        [np.stack([zero, one, y], axis=1), np.stack([-one, zero, -x], axis=1), np.stack([-y, x, zero], axis=1)], axis=2
-    )
-    by_centre = -by_vector / depth[:, None, None]
-    return np.asarray(by_tangents @ np.concatenate([by_vector @ turned, by_centre], axis=2))
+    nothing = np.zeros_like(x)
+    x_by = (x * y, -1.0 - x * x, -y, -1.0 / depth, nothing, -x / depth)
+    y_by = (1.0 + y * y, -x * y, x, nothing, -1.0 / depth, -y / depth)
+    found = np.empty((len(x), 2, 6))
+    for column, (of_x, of_y) in enumerate(zip(x_by, y_by, strict=True)):
+        found[:, :, column] = by_x * of_x[:, None] + by_y * of_y[:, None]
+    return found
 
 
 def _reduced(by_parameters: FloatArray, by_pose: FloatArray, photo: IntArray, weights: FloatArray) -> FloatArray:

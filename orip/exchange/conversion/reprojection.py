@@ -7,6 +7,7 @@ format does not say what its angles are, the readings are tried, and the measure
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 from msgspec import Struct
@@ -35,7 +36,7 @@ _RAYS_TRIED = 20_000
 """Rays by which readings are chosen."""
 
 
-class Reprojection(Struct, frozen=True):
+class Reprojection(Struct, frozen=True, dict=True):
     """How imported photos and points fit the measurements.
 
     Parameters
@@ -59,7 +60,7 @@ class Reprojection(Struct, frozen=True):
     is_behind: BoolArray
     others: tuple[PoseReading, ...] = ()
 
-    @property
+    @cached_property
     def lengths(self) -> FloatArray:
         """Return the lengths of the residuals that are known, pixels."""
         with np.errstate(over="ignore"):
@@ -183,9 +184,8 @@ def reprojection(
         )
     residuals = np.full((len(photo), 2), np.nan)
     behind = np.zeros(len(photo), dtype=np.bool_)
-    offset = coordinates[point] - centres[photo]
     with np.errstate(all="ignore"):
-        u1, u2, u3 = rotated_back(tuple(rotations[photo].reshape(-1, 9).T), *offset.T)
+        u1, u2, u3 = in_photo_axes(rotations, photo, coordinates[point] - centres[photo])
         known = np.isfinite(u1 + u2 + u3) & used
         in_front: BoolArray = known & np.asarray(is_in_front(u1, u2, u3))
         tangents = np.stack([-u1 / u3, -u2 / u3], axis=1)
@@ -195,6 +195,14 @@ def reprojection(
     for converted, rows in zip(cameras, rows_of_groups(np.where(in_front, camera, -1), len(cameras)), strict=True):
         residuals[rows] = pixels_of_directions(converted.camera, tangents[rows]) - measured[rows]
     return Reprojection(reading, rotations, centres, residuals, behind)
+
+
+def in_photo_axes(rotations: FloatArray, photo: IntArray, offset: FloatArray) -> tuple[FloatArray, ...]:
+    """Return vectors (k, 3) in the axes of their photos, an array (k,) for each axis.
+
+    `rotations` (n, 3, 3) are those of all photos, `photo` (k,) the photo of each vector.
+    """
+    return rotated_back(tuple(np.take(rotations.reshape(-1, 9).T, photo, axis=1)), *offset.T)
 
 
 def said_of_reading(found: Reprojection, *, is_declared: bool) -> str | None:

@@ -12,6 +12,7 @@ from orip.exchange.sources.names import NamesTable
 from orip.geometry.ground_frame import GroundFrame
 from orip.interior.image_coordinates import sensor_transformation
 from orip.records.camera import Camera, Sensor
+from orip.records.coded_names import rows_of_records
 from orip.records.control import NOT_GIVEN, ControlPoint, Station, StationReference
 from orip.records.names import record_key
 from orip.structs import replace
@@ -27,7 +28,7 @@ def cameras_with_frames(
     It lies about the origin of the fiducial system.
     """
     reach = {key: np.zeros(2) for key, camera in cameras.items() if camera.sensor is None}
-    for photo, rows in _rows_of_photos(bundle).items():
+    for photo, rows in rows_of_records(bundle.observations.photos).items():
         camera = camera_of_photo.get(photo)
         to_photo = bundle.interior.to_photo.get(photo)
         if camera in reach and to_photo is not None:
@@ -57,7 +58,7 @@ def measured_pixels(
     camera_of_photo : mapping of record_key to record_key
     """
     pixels = bundle.observations.measured.copy()
-    for photo, rows in _rows_of_photos(bundle).items():
+    for photo, rows in rows_of_records(bundle.observations.photos).items():
         key = camera_of_photo.get(photo)
         sensor = None if key is None else cameras[key].sensor
         to_photo = bundle.interior.to_photo.get(photo)
@@ -66,13 +67,6 @@ def measured_pixels(
         to_pixels = sensor_transformation(sensor).inverse()
         pixels[rows] = to_pixels.apply(to_photo.apply(pixels[rows]))
     return pixels
-
-
-def _rows_of_photos(bundle: BundleState) -> dict[str, list[int]]:
-    found: dict[str, list[int]] = {}
-    for row, name in enumerate(bundle.observations.photos):
-        found.setdefault(record_key(name), []).append(row)
-    return found
 
 
 def given_control(

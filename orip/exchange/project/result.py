@@ -327,20 +327,16 @@ def _residual_lengths(adjusted: _Adjusted) -> FloatArray:
     """Return the mean lengths (m,) of the residuals of points, pixels; NaN where there are none."""
     found = adjusted.solution.residuals
     size = {key: _pixel_size(camera) for key, camera in adjusted.cameras.items()}
-    rows = coded(found.kind).where(PHOTO_POINT.name.__eq__)
-    axis = coded(found.component).where("y".__eq__).astype(np.int64)
-    pixel = np.array(
-        [size[adjusted.camera_of_photo[record_key(photo)]] if used else (1.0, 1.0)
-         for photo, used in zip(found.photo, rows.tolist(), strict=True)]
-    ).reshape(-1, 2)  # fmt: skip
+    photo, of_photo = coded(found.photo), adjusted.camera_of_photo
+    pixel = np.array([size.get(of_photo.get(record_key(name), ""), (1.0, 1.0)) for name in photo.distinct])
+    rows = np.flatnonzero(coded(found.kind).where(PHOTO_POINT.name.__eq__))
+    axis = coded(found.component)[rows].where("y".__eq__).astype(np.int64)
     # what was disregarded has no weight factor
-    used_residual = np.where(np.isfinite(found.weight_factor), found.residual, np.nan)
-    in_pixels = (used_residual / pixel[np.arange(len(axis)), axis])[rows]
+    used_residual = np.where(np.isfinite(found.weight_factor[rows]), found.residual[rows], np.nan)
     # x and y of a ray follow each other
-    squares = np.square(in_pixels).reshape(-1, 2).sum(axis=1)
+    squares = np.square(used_residual / pixel.reshape(-1, 2)[photo.codes[rows], axis]).reshape(-1, 2).sum(axis=1)
     place = {name: n for n, name in enumerate(adjusted.solution.points.names)}
-    points = [point.split(" ")[0] for point, used in zip(found.point, rows.tolist(), strict=True) if used][::2]
-    number = np.array([place.get(point, -1) for point in points], dtype=np.int64)
+    number = coded(found.point)[rows[::2]].numbers(lambda point: place.get(point.split(" ")[0], -1))
     known = (number >= 0) & np.isfinite(squares)
     sums = np.bincount(number[known], np.sqrt(squares[known]), len(place))
     counts = np.bincount(number[known], minlength=len(place))
@@ -365,15 +361,15 @@ def _rays(
     solution = adjusted.solution
     photo_place = {record_key(name): n for n, name in enumerate(solution.photos.names)}
     point_place = {name: n for n, name in enumerate(solution.points.names)}
-    photo = np.array([photo_place.get(record_key(name), -1) for name in observed.photos], dtype=np.int64)
-    point = np.array([point_place.get(name, -1) for name in observed.points], dtype=np.int64)
+    photo = coded(observed.photos).numbers(lambda name: photo_place.get(record_key(name), -1))
+    point = coded(observed.points).places(point_place)
     kept = (photo >= 0) & (point >= 0)
     photo, point = photo[kept], point[kept]
     image = measured_pixels(bundle, adjusted.cameras, adjusted.camera_of_photo)[kept]
-    camera_of_photo = [adjusted.camera_of_photo.get(record_key(name), "") for name in solution.photos.names]
-    of_ray = np.array(camera_of_photo, dtype=object)[photo] if len(photo) else np.zeros(0, dtype=object)
+    camera_of_photo = coded([adjusted.camera_of_photo.get(record_key(name), "") for name in solution.photos.names])
+    of_ray = camera_of_photo[photo]
     for key, camera in exported.items():
-        rows = np.flatnonzero(of_ray == key)
+        rows = np.flatnonzero(of_ray.where(key.__eq__))
         image[rows] = camera.rays_of_pixels(image[rows], corrects_distortion=corrects_distortion)
         if conventions.counts_from_principal_point:
             image[rows] -= camera.principal_point

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import combinations
 
 import numpy as np
 from msgspec import Struct
@@ -54,7 +53,7 @@ def contradicting_check_points(block: Block, solution: Solution) -> list[Project
     return together or list(_single(compared, block, solution.ground_unit))
 
 
-class _Compared(Struct, frozen=True):
+class ComparedPoints(Struct, frozen=True):
     """n check points: coordinates as given and as adjusted (n, 3), NaN where not given, standard deviations (n, 3)."""
 
     names: tuple[str, ...]
@@ -64,10 +63,11 @@ class _Compared(Struct, frozen=True):
 
     @property
     def differences(self) -> FloatArray:
+        """Return adjusted minus given coordinates (n, 3)."""
         return self.adjusted - self.given
 
 
-def _compared(block: Block, solution: Solution) -> _Compared | None:
+def _compared(block: Block, solution: Solution) -> ComparedPoints | None:
     points = solution.check_points
     if not points:
         return None
@@ -79,10 +79,10 @@ def _compared(block: Block, solution: Solution) -> _Compared | None:
     errors = np.abs(np.array([known.get(point.name, (None,) * 3) for point in points], dtype=np.float64))
     if not (errors[np.isfinite(errors)] == _MARK).all():
         sd = np.hypot(sd, np.nan_to_num(errors))
-    return _Compared(tuple(point.name for point in points), adjusted - differences, adjusted, sd)
+    return ComparedPoints(tuple(point.name for point in points), adjusted - differences, adjusted, sd)
 
 
-def _in_another_system(compared: _Compared, unit: str) -> Iterator[ProjectWarning]:
+def _in_another_system(compared: ComparedPoints, unit: str) -> Iterator[ProjectWarning]:
     """Yield a warning for each coordinate in which all check points differ by the same amount."""
     count = len(compared.names)
     if count <= _FEWEST:
@@ -100,9 +100,9 @@ def _in_another_system(compared: _Compared, unit: str) -> Iterator[ProjectWarnin
         yield ProjectWarning("check-point-system", "check points", text)
 
 
-def _single(compared: _Compared, block: Block, unit: str) -> Iterator[ProjectWarning]:
+def _single(compared: ComparedPoints, block: Block, unit: str) -> Iterator[ProjectWarning]:
     """Yield a warning for each pair of check points that are exchanged, else for each that alone is far off."""
-    told = [pair for pair in combinations(range(len(compared.names)), 2) if _are_exchanged(compared, *pair)]
+    told = exchanged_points(compared)
     for pair in told:
         one, other = (compared.names[row] for row in pair)
         text = (
@@ -110,48 +110,68 @@ def _single(compared: _Compared, block: Block, unit: str) -> Iterator[ProjectWar
             "exchanged; exchange their names in the control file, or in the photos"
         )
         yield ProjectWarning("contradicting-check-point", f"check points {one} and {other}", text)
-    wrong = _far_off(compared) & ~_at_another(compared, block)[:, None]
+    wrong = _far_off(compared)
+    if wrong.any():
+        wrong &= ~_at_another(compared, block)[:, None]
     rows = np.flatnonzero(wrong.any(axis=1)).tolist()
     if not told and len(rows) <= max(1, len(compared.names) // 2):
         yield from (_wrong_point(compared, row, wrong[row], unit) for row in rows)
 
 
-def _at_another(compared: _Compared, block: Block) -> BoolArray:
+def _at_another(compared: ComparedPoints, block: Block) -> BoolArray:
     """Return which check points (n,) the photos see where a control point is given: that has a warning of its own."""
+    controls = [point.coordinates for point in block.control_points if point.kind == "control"]
+    given = np.array([place for place in controls if None not in place], dtype=np.float64)
     found = np.zeros(len(compared.names), dtype=bool)
-    for point in block.control_points:
-        if point.kind == "control" and None not in point.coordinates:
-            given = np.array(point.coordinates, dtype=np.float64)
-            off = np.linalg.norm(compared.adjusted - given, axis=1)
-            found |= (off < _SWAPPED * np.linalg.norm(compared.differences, axis=1)) & (
-                off < _FAR_OFF * np.linalg.norm(np.nan_to_num(compared.sd, posinf=np.inf), axis=1)
-            )
+    seen = np.flatnonzero(np.isfinite(compared.adjusted).all(axis=1))
+    if len(given) and len(seen):
+        from scipy.spatial import KDTree  # takes as long to import as all that is compared here
+
+        off, _ = KDTree(given).query(compared.adjusted[seen])
+        found[seen] = (off < _SWAPPED * np.linalg.norm(compared.differences[seen], axis=1)) & (
+            off < _FAR_OFF * np.linalg.norm(np.nan_to_num(compared.sd[seen], posinf=np.inf), axis=1)
+        )
     return found
 
 
-def _far_off(compared: _Compared) -> BoolArray:
+def _far_off(compared: ComparedPoints) -> BoolArray:
     """Return which coordinates (n, 3) differ by far more than their standard deviations and the other check points."""
     size = np.abs(compared.differences)
-    found = np.zeros(size.shape, dtype=bool)
-    for row in range(len(size)):
-        others = np.delete(size, row, axis=0)
-        known = np.isfinite(others).any(axis=0)
-        usual = np.where(known, np.nanmedian(np.where(known, others, 0.0), axis=0) / MEDIAN_OF_NORMAL, 0.0) if len(
-            others
-        ) else np.zeros(3)  # fmt: skip
-        found[row] = size[row] > _FAR_OFF * np.maximum(usual, np.nan_to_num(compared.sd[row], posinf=np.inf))
-    return found
+    usual = np.column_stack([medians_of_others(column) for column in size.T]) / MEDIAN_OF_NORMAL
+    return np.asarray(size > _FAR_OFF * np.maximum(usual, np.nan_to_num(compared.sd, posinf=np.inf)))
 
 
-def _are_exchanged(compared: _Compared, one: int, other: int) -> bool:
-    given, adjusted = compared.given, compared.adjusted
-    before = np.linalg.norm([given[one] - adjusted[one], given[other] - adjusted[other]])
-    after = np.linalg.norm([given[other] - adjusted[one], given[one] - adjusted[other]])
-    sd = np.linalg.norm(compared.sd[[one, other]])
-    return bool(after < _SWAPPED * before and before > _FAR_OFF * sd)
+def medians_of_others(values: FloatArray) -> FloatArray:
+    """Return for each of n values the median (n,) of the others that are no NaN; 0 where there is none."""
+    ordered = np.sort(values[np.isfinite(values)])
+    rank = np.where(np.isfinite(values), np.searchsorted(ordered, values), len(ordered))
+    others = len(ordered) - np.isfinite(values)
+    low, high = np.maximum(others - 1, 0) // 2, others // 2
+    padded = np.append(ordered, np.zeros(2))
+    # those behind the value itself move up by one place
+    middle = 0.5 * (padded[low + (rank <= low)] + padded[high + (rank <= high)])
+    return np.asarray(np.where(others > 0, middle, 0.0))
 
 
-def _wrong_point(compared: _Compared, row: int, wrong: BoolArray, unit: str) -> ProjectWarning:
+_MOST_SUSPECTS = 1000
+"""Check points that may be exchanged with another one: where so many are off, it is by no slip of the pen."""
+
+
+def exchanged_points(compared: ComparedPoints) -> list[tuple[int, int]]:
+    """Return the pairs of check points that the photos see one where the other is given."""
+    off, sd = np.linalg.norm(compared.differences, axis=1), np.linalg.norm(compared.sd, axis=1)
+    # the differences of two that are exchanged are opposite: each has more than half of the length of both
+    rows = np.flatnonzero(off > 0.5 * _FAR_OFF * sd)
+    if not 1 < len(rows) <= _MOST_SUSPECTS:
+        return []
+    away = np.linalg.norm(compared.given[rows] - compared.adjusted[rows, None], axis=2)
+    before, after = np.hypot(off[rows, None], off[rows]), np.hypot(away, away.T)
+    found = (after < _SWAPPED * before) & (before > _FAR_OFF * np.hypot(sd[rows, None], sd[rows]))
+    first, second = np.nonzero(np.triu(found, 1))
+    return list(zip(rows[first].tolist(), rows[second].tolist(), strict=True))
+
+
+def _wrong_point(compared: ComparedPoints, row: int, wrong: BoolArray, unit: str) -> ProjectWarning:
     parts, slips = [], []
     for axis in np.flatnonzero(wrong).tolist():
         value, seen = float(compared.given[row, axis]), float(compared.adjusted[row, axis])

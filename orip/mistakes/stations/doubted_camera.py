@@ -22,6 +22,7 @@ from orip.mistakes.camera_values import (
     principal_point_sign,
     with_unknown,
 )
+from orip.mistakes.control.contradicting_control import without_control
 from orip.mistakes.exchanged_photos import other_cameras
 from orip.mistakes.hypothesis import DECIDED, Hypothesis, Misfit, Readjuster, fit_of_adjustment, is_good
 from orip.records.block import Block
@@ -42,6 +43,9 @@ _OF_CHANCE = 4.0
 _OTHER_LENS, _MOVED = 0.05, 120.0
 """Difference of principal distances, as a part of these, that is another lens and not another calibration, and ground
 units that photos rise or sink by then: heights in another system bend a flat block like another lens."""
+
+_OTHER_STATE = 0.02
+"""The same where control alone tells: no calibration differs by as much, but a lens that was focused elsewhere."""
 
 _SIGNIFICANT, OF_LENSES = 5.0, 0.001
 """The same that control shows by itself: in its standard deviations, and as a part; calibrations differ by less."""
@@ -80,17 +84,38 @@ def has_positions(block: Block) -> bool:
 
 
 def lens_of_doubted_camera(misfit: Misfit) -> list[ProjectWarning]:
-    """Return that the photos have another lens than their camera, if groups accuse it and no positions are observed."""
-    block = misfit.readjuster.block
-    if not misfit.readjuster.is_worthwhile or has_positions(block):
+    """Return that the photos have another lens than their camera, if no positions are observed and groups accuse it.
+
+    They may accuse control points, which such a lens pushes out: it costs less then than leaving these out.
+    """
+    block, readjuster = misfit.readjuster.block, misfit.readjuster
+    if not readjuster.is_worthwhile or has_positions(block):
         return []
-    accused = " ".join(found.where for found in group_findings(misfit.solution))
+    accused = [found.where for found in group_findings(misfit.solution)]
+    control = [point.name for point in block.control_points if f"control point {point.name}" in accused]
+    without = readjuster.adjust(without_control(block, control)) if control else None
     for row, camera in enumerate(block.cameras):
-        for hypothesis in _lenses(block, row) if f"camera {camera.name}" in accused else ():
-            tried = misfit.readjuster.adjust(hypothesis.block)
-            if tried is not None and is_better(tried, misfit.solved) and _is_other_lens(tried, misfit.solved, row, 0.0):
+        is_accused = f"camera {camera.name}" in " ".join(accused)
+        for hypothesis in _lenses(block, row) if is_accused or without is not None else ():
+            tried = readjuster.adjust(hypothesis.block)
+            if tried is None or not (
+                is_better(tried, misfit.solved) and _is_other_lens(tried, misfit.solved, row, _OTHER_STATE, 0.0)
+            ):
+                continue
+            if is_better(tried, without, 0.0) if without is not None else is_accused:
                 return hypothesis.findings(tried)
     return []
+
+
+def camera_explains_more(solution: Solution, without: SolvedBlock, readjuster: Readjuster) -> bool:
+    """Tell whether a held camera that groups accuse costs less, if its C is free, than all does `without` something."""
+    block, accused = readjuster.block, {found.where for found in group_findings(solution)}
+    for row, camera in enumerate(block.cameras):
+        if f"camera {camera.name}" in accused and "C" not in camera.unknown:
+            free = readjuster.adjust_roughly(with_unknown(block, row, "C"))
+            if free is not None and is_better(free, without, 0.0):
+                return True
+    return False
 
 
 def _best(
@@ -162,10 +187,10 @@ def without_positions(block: Block, photos: Iterable[str] | None = None) -> Bloc
     return replace(block, stations=stations, elements=elements)
 
 
-def is_better(tried: SolvedBlock, solved: SolvedBlock) -> bool:
-    """Tell whether another adjustment of the same observations costs certainly less."""
+def is_better(tried: SolvedBlock, solved: SolvedBlock, least: float = DECIDED) -> bool:
+    """Tell whether another adjustment of the same observations costs less by more than `least`: certainly less."""
     weighing = solved.weighing
-    return tried.converged and bool(weighing.cost(solved.equations) - weighing.cost(tried.equations) > DECIDED)
+    return tried.converged and bool(weighing.cost(solved.equations) - weighing.cost(tried.equations) > least)
 
 
 def fits_positions(tried: SolvedBlock, without: SolvedBlock | None) -> bool:
@@ -183,14 +208,16 @@ def fits_positions(tried: SolvedBlock, without: SolvedBlock | None) -> bool:
     return bool(added < max(1.0, without.variance.sigma0) ** 2 * half_sum)
 
 
-def _is_other_lens(tried: SolvedBlock, solved: SolvedBlock, row: int, least_moved: float = _MOVED) -> bool:
+def _is_other_lens(
+    tried: SolvedBlock, solved: SolvedBlock, row: int, least: float = _OTHER_LENS, least_moved: float = _MOVED
+) -> bool:
     """Tell whether the principal distance is far another one, and the photos rise or sink far with it."""
     name = solved.block.photos[int(np.flatnonzero(solved.block.photo_camera == row)[0])].name
     own, place = ([photo.name for photo in of.block.photos].index(name) for of in (solved, tried))
     given = solved.state.cameras[row, 0]
     other = tried.state.cameras[tried.block.photo_camera[place], 0]
     moved = np.linalg.norm(tried.state.centres[place] - solved.state.centres[own])
-    return bool(abs(other - given) > _OTHER_LENS * given and moved >= least_moved and is_good(fit_of_adjustment(tried)))
+    return bool(abs(other - given) > least * given and moved >= least_moved and is_good(fit_of_adjustment(tried)))
 
 
 def _is_seen_without(hypothesis: Hypothesis, row: int, block: Block, readjuster: Readjuster) -> bool:

@@ -72,7 +72,7 @@ def sheet_of(names: Sequence[str], xyz: FloatArray, codes: Mapping[str, int], ra
         If the points are not in one plane within 2 per cent of their extent.
     """
     centred = xyz - xyz.mean(axis=0)
-    values, axes = np.linalg.svd(centred)[1:]
+    values, axes = np.linalg.svd(centred, full_matrices=False)[1:]
     if len(xyz) < _LEAST_NAMED or values[1] < 0.02 * values[0] or values[2] > 0.02 * values[0]:
         message = f"the {len(xyz)} points of the sheet are not spread over one plane: a sheet has at least 6 in a plane"
         raise OripError(message)

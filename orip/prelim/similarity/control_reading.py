@@ -261,7 +261,7 @@ def _is_from_below(block: PartialBlock, common: CommonPoints, given: _Fit) -> bo
 
     The mirror image of a facade has the cameras behind it, at the same heights.
     """
-    normal = np.linalg.svd(common.target - common.target.mean(axis=0))[2][2]
+    normal = np.linalg.svd(common.target - common.target.mean(axis=0), full_matrices=False)[2][2]
     if abs(normal[2]) < _UPRIGHT:
         return False
     rotations = given.similarity.rotation @ block.rotations

@@ -52,7 +52,7 @@ class BundleState(Struct, frozen=True, dict=True):
     @property
     def control(self) -> Control:
         """Return the control of the bundle, as far as it could be read."""
-        return self.state.texts.control_input(self.name).value.control
+        return self.state.texts.control_of(self.name)
 
     @property
     def interior(self) -> Interior:

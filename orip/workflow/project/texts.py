@@ -83,6 +83,10 @@ class ProjectTexts:
         """Return the ground control of the project."""
         return self._control_with_digests(None)[1]
 
+    def control_of(self, bundle: str) -> Control:
+        """Return the ground control of a bundle, as far as it could be read."""
+        return self._control_with_digests(bundle)[1].value
+
     @cached_property
     def stations(self) -> Parsed[tuple[Station, ...]]:
         """Return the exposure stations alone, as they are written."""

@@ -162,3 +162,20 @@ def test_what_unknowns_absorb_of_a_held_camera_is_never_more_than_all() -> None:
     left = held.sums.square - held.sums.right.T @ held.sums.moved
     scale = np.sqrt(np.diag(held.sums.square))
     assert np.linalg.eigvalsh(left / np.outer(scale, scale)).min() > -1e-10
+
+
+def test_held_cameras_of_single_photos_add_up_to_one_held_camera() -> None:
+    block = grouped_block("none", 1).block
+    cameras = tuple(replace(block.cameras[0], name=photo.name) for photo in block.photos)
+    photos = tuple(replace(photo, camera=photo.name) for photo in block.photos)
+    each = replace(block, cameras=cameras, photos=photos, photo_camera=np.arange(len(photos)))
+    together, single = (held_cameras(found, found.weight_factors) for found in (solved(block), solved(each)))
+    assert together is not None
+    assert single is not None
+    for row, group in enumerate(together.groups):
+        mine = [place for place, one in enumerate(single.groups) if one.component == group.component]
+        assert len(mine) == len(photos)
+        sums = single.sums
+        assert sums.values[mine].sum() == pytest.approx(together.sums.values[row], rel=1e-9, abs=1e-9)
+        assert sums.square[np.ix_(mine, mine)].sum() == pytest.approx(together.sums.square[row, row], rel=1e-12)
+        assert np.allclose(sums.right[:, mine].sum(axis=1), together.sums.right[:, row], rtol=1e-9, atol=1e-9)
