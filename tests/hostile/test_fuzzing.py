@@ -6,13 +6,9 @@ from pathlib import Path
 
 import pytest
 from hostile.fuzzing import fuzz
+from support.long_cases import every
 
 
-def test_some_inputs(tmp_path: Path) -> None:
-    assert sum(fuzz(1500, 20, tmp_path).values()) == 1500
-
-
-@pytest.mark.long
-@pytest.mark.timeout(4 * 3600)
-def test_a_million_inputs(tmp_path: Path) -> None:
-    assert sum(fuzz(1_000_000, 21, tmp_path).values()) == 1_000_000
+@pytest.mark.parametrize(("count", "seed"), every(2, [(1500, 20), (1_000_000, 21)]))
+def test_inputs(tmp_path: Path, count: int, seed: int) -> None:
+    assert sum(fuzz(count, seed, tmp_path).values()) == count

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from hostile.confinement import NotAllowedError, as_plain_user, confined, in_private_mounts
 from hostile.path_attacks import confined_attacks, prepare
+from support.long_cases import every
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="pipes, devices and links are those of POSIX")
 
@@ -48,18 +49,8 @@ def test_a_confined_process_can_write_in_its_folder_alone(confine: Confine, fold
 
 
 @pytest.mark.parametrize("confine", WAYS)
-def test_some_attacks(confine: Confine, folder: Path) -> None:
-    attacked(confine, 12, 1, folder)
-
-
-@pytest.mark.long
-@pytest.mark.timeout(2 * 3600)
-@pytest.mark.parametrize("confine", WAYS)
-def test_five_thousand_attacks(confine: Confine, folder: Path) -> None:
-    attacked(confine, 5_000, 2, folder)
-
-
-def attacked(confine: Confine, count: int, seed: int, folder: Path) -> None:
+@pytest.mark.parametrize(("count", "seed"), every(2, [(12, 1), (5_000, 2)]))
+def test_attacks(confine: Confine, folder: Path, count: int, seed: int) -> None:
     try:
         codes = confined_attacks(confine, count, seed, folder)
     except NotAllowedError as reason:

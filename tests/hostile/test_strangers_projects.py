@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from hostile.confinement import NotAllowedError, as_plain_user, in_private_mounts
+from support.long_cases import every
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="pipes, links and limits are those of POSIX")
 
@@ -26,20 +27,9 @@ def folder() -> Iterator[Path]:
         yield Path(name)
 
 
-@pytest.mark.timeout(120)
 @pytest.mark.parametrize("how", WAYS)
-def test_some_projects_of_strangers_harm_nobody(how: Callable[[Path], None], folder: Path) -> None:
-    opened(how, 12, 1, folder)
-
-
-@pytest.mark.long
-@pytest.mark.timeout(3 * 3600)
-@pytest.mark.parametrize("how", WAYS)
-def test_five_thousand_projects_of_strangers_harm_nobody(how: Callable[[Path], None], folder: Path) -> None:
-    opened(how, 5_000, 2, folder)
-
-
-def opened(how: Callable[[Path], None], count: int, seed: int, folder: Path) -> None:
+@pytest.mark.parametrize(("count", "seed"), every(2, [(12, 1), (5_000, 2)]))
+def test_projects_of_strangers_harm_nobody(how: Callable[[Path], None], folder: Path, count: int, seed: int) -> None:
     from hostile.strangers_projects import COMMANDS_OF_EACH, confined_strangers, told
 
     try:

@@ -12,6 +12,7 @@ from contextlib import suppress
 
 import pytest
 from link.served import IMPATIENT, OTHER_TABLE, TABLE, Raw, loaded_station, served
+from support.long_cases import every
 
 from orip.multimodel.link.emulator import MOST_TABLE_LINES
 from orip.multimodel.link.station import Pace, bare_stages
@@ -250,7 +251,8 @@ def test_many_clients_at_once(port):
     assert not problems
 
 
-def cut_connections(port, count):
+@pytest.mark.parametrize("count", every(2, [30, 1000]))
+def test_cut_connections(port, count):
     """Connect, send something, all or part of it, and leave in one way or another; the table is to stay what it is."""
     chance = random.Random(count)
     requests = [b"DRIVE OBJECT 30 0 0\n", b"POS OBJECT\n", b"PROFILE 0 0 0 80 0 0 0.05\n", b"NEXT\n", b"\n", b"\0\xff"]
@@ -270,16 +272,8 @@ def cut_connections(port, count):
     unharmed(port)
 
 
-def test_cut_connections(port):
-    cut_connections(port, 30)
-
-
-@pytest.mark.long
-def test_a_thousand_cut_connections(port):
-    cut_connections(port, 1000)
-
-
-def any_lines(port, count):
+@pytest.mark.parametrize("count", every(2, [1000, 100_000]))
+def test_any_lines(port, count):
     """Send lines of words of the protocol in any order, and of any bytes, all but what is to end or to replace things.
 
     An observer sends even these.
@@ -300,15 +294,6 @@ def any_lines(port, count):
                 assert all(reply.startswith(("OK ", "ERR ")) for reply in replies)
                 assert client.read() == DIGEST
     unharmed(port)
-
-
-def test_any_lines(port):
-    any_lines(port, 1000)
-
-
-@pytest.mark.long
-def test_a_hundred_thousand_lines(port):
-    any_lines(port, 100_000)
 
 
 def test_travel_takes_time():

@@ -45,11 +45,11 @@ def _modules() -> Iterator[tuple[str, ast.Module]]:
             yield ".".join(parts), ast.parse(path.read_text(encoding="utf-8"))
 
 
-def _classes(tree: ast.AST) -> Iterator[ast.ClassDef]:
-    return (node for node in ast.walk(tree) if isinstance(node, ast.ClassDef))
+def _classes(tree: ast.Module) -> Iterator[ast.ClassDef]:
+    return (node for node in tree.body if isinstance(node, ast.ClassDef))
 
 
-def _types_with_partials(tree: ast.AST) -> Iterator[str]:
+def _types_with_partials(tree: ast.Module) -> Iterator[str]:
     return (found.name for found in _classes(tree) if any(_partials_of(found)))
 
 
@@ -66,7 +66,7 @@ def _functions(node: ast.AST, owner: str) -> Iterator[tuple[str, ast.FunctionDef
         if isinstance(child, ast.FunctionDef):
             yield owner + child.name, child
             yield from _functions(child, f"{owner}{child.name}.<locals>.")
-        else:
+        elif not isinstance(child, ast.expr):  # no function is defined in one
             yield from _functions(child, f"{owner}{child.name}." if isinstance(child, ast.ClassDef) else owner)
 
 

@@ -7,6 +7,8 @@ from typing import Any
 
 import pytest
 
+LONG = (pytest.mark.long, pytest.mark.timeout(4 * 3600))
+
 
 def every(count: int, cases: Iterable[Any]) -> list[Any]:
     """Return all cases, of which only each `count`-th is not long."""
@@ -24,4 +26,4 @@ def in_turn(cases: Iterable[Any], ways: Sequence[Any]) -> list[Any]:
 
 def _case(case: Any, *, is_long: bool) -> Any:
     values = case if isinstance(case, tuple) else (case,)
-    return pytest.param(*values, marks=pytest.mark.long if is_long else ())
+    return pytest.param(*values, marks=LONG if is_long else ())

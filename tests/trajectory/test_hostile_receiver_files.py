@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from cli.command_line import Said, orip
 from reference.published_data import REFERENCE_DATA
+from support.long_cases import every
 from trajectory.inertial_flight import LEVER, MEMS, flight, observed, written
 from trajectory.receiver_streams import ubx
 
@@ -88,12 +89,10 @@ def mutated(data: bytes, draw: random.Random) -> bytes:
     return b"".join(lines)
 
 
-MUTATIONS = [pytest.param(range(begin, begin + 10), id=f"{begin}") for begin in range(0, 200, 10)]
-"""Of receivers' files half, of inertial units' files half; some runs by default, all with the long studies."""
-
-
-def mutation(seeds: range, receivers: Path, flown: Path, tmp_path: Path) -> None:
-    for seed in seeds:
+@pytest.mark.parametrize("begin", every(14, range(0, 200, 10)))
+def test_mutations(begin: int, receivers: Path, flown: Path, tmp_path: Path) -> None:
+    """Of receivers' files half, of inertial units' files half."""
+    for seed in range(begin, begin + 10):
         draw = random.Random(seed)
         is_gnss = seed % 2 == 0
         source = receivers if is_gnss else flown
@@ -105,18 +104,6 @@ def mutation(seeds: range, receivers: Path, flown: Path, tmp_path: Path) -> None
         before = content(folder)
         words = ("gnss", ROVER, BASE, ORBITS) if is_gnss else ("imu", "imu.csv", "flight.pos", LEVER)
         is_one_answer(orip(folder, *words), folder, before)
-
-
-@pytest.mark.parametrize("seeds", MUTATIONS[::7])
-def test_some_mutations(seeds, receivers, flown, tmp_path):
-    mutation(seeds, receivers, flown, tmp_path)
-
-
-@pytest.mark.long
-@pytest.mark.timeout(1800)
-@pytest.mark.parametrize("seeds", MUTATIONS)
-def test_two_hundred_mutations(seeds, receivers, flown, tmp_path):
-    mutation(seeds, receivers, flown, tmp_path)
 
 
 def refused(folder: Path, cause: str, *words: str) -> None:

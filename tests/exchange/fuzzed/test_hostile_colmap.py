@@ -12,6 +12,7 @@ from conversion.exchanged_blocks import OBLIQUE, block
 from exchange.colmap_samples import written
 from exchange.mutated_files import project_or_complaints, use_mutated_files
 from exchange.test_colmap import blob, database
+from support.long_cases import every
 
 from orip.exchange.colmap.reader import READING, Form, read_model
 from orip.exchange.colmap.writer import new_model
@@ -64,14 +65,9 @@ def fuzz(folder: Path, form: Form, count: int, seed: int) -> None:
 
 
 @pytest.mark.parametrize("form", ["bin", "txt"])
-def test_some_mutated_files(tmp_path: Path, form: Form) -> None:
-    fuzz(tmp_path, form, 60, 7)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("form", ["bin", "txt"])
-def test_fifty_thousand_mutated_files(tmp_path: Path, form: Form) -> None:
-    fuzz(tmp_path, form, 50_000, 8)
+@pytest.mark.parametrize(("count", "seed"), every(2, [(60, 7), (50_000, 8)]))
+def test_mutated_files(tmp_path: Path, form: Form, count: int, seed: int) -> None:
+    fuzz(tmp_path, form, count, seed)
 
 
 def test_a_wrong_count_takes_no_memory(tmp_path: Path) -> None:

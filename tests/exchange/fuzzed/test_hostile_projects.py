@@ -28,6 +28,7 @@ from exchange.imported import written
 from exchange.metashape import test_metashape_references
 from exchange.mutated_files import project_or_complaints, use_mutated_files
 from exchange.vision import test_opf
+from support.long_cases import every
 
 from orip.exchange import aicon, bingo, ign, patb, photomodeler, pix4d, tables
 from orip.exchange.format import Format
@@ -183,25 +184,15 @@ def fuzz_original(folder: Path, name: str, count: int, seed: int) -> None:
 
 
 @pytest.mark.parametrize("name", ORIGINALS)
-def test_some_mutated_originals(tmp_path: Path, name: str) -> None:
-    fuzz_original(tmp_path, name, 30, 9)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("name", ORIGINALS)
-def test_ten_thousand_mutated_originals(tmp_path: Path, name: str) -> None:
-    fuzz_original(tmp_path, name, 10_000, 10)
+@pytest.mark.parametrize(("count", "seed"), every(2, [(30, 9), (10_000, 10)]))
+def test_mutated_originals(tmp_path: Path, name: str, count: int, seed: int) -> None:
+    fuzz_original(tmp_path, name, count, seed)
 
 
 @pytest.mark.parametrize("name", SOUND)
-def test_some_mutated_files(tmp_path: Path, name: str) -> None:
-    fuzz(tmp_path, name, 15, 7)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("name", SOUND)
-def test_a_hundred_thousand_mutated_files(tmp_path: Path, name: str) -> None:
-    fuzz(tmp_path, name, 100_000 // len(SOUND), 8)
+@pytest.mark.parametrize(("count", "seed"), every(2, [(15, 7), (100_000 // len(SOUND), 8)]))
+def test_mutated_files(tmp_path: Path, name: str, count: int, seed: int) -> None:
+    fuzz(tmp_path, name, count, seed)
 
 
 @pytest.mark.long

@@ -8,6 +8,7 @@ import pytest
 from exchange.mutated_files import project_or_complaints, use_mutated_files
 from exchange.rigs.test_exchanged_rigs import FORMATS, source
 from exchange.samples.round_trip import local_through_orip
+from support.long_cases import every
 
 from orip.errors import OripError
 from orip.exchange.formats import format_named
@@ -41,11 +42,6 @@ def fuzz(folder: Path, name: str, count: int, seed: int) -> None:
 
 
 @pytest.mark.parametrize("name", FORMATS)
-def test_some_mutated_rigs(tmp_path: Path, name: str) -> None:
-    fuzz(tmp_path, name, 60, 11)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("name", FORMATS)
-def test_ten_thousand_mutated_rigs(tmp_path: Path, name: str) -> None:
-    fuzz(tmp_path, name, 10_000, 12)
+@pytest.mark.parametrize(("count", "seed"), every(2, [(40, 11), (10_000, 12)]))
+def test_mutated_rigs(tmp_path: Path, name: str, count: int, seed: int) -> None:
+    fuzz(tmp_path, name, count, seed)

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from exchange.mutated_files import use_mutated_files
 from exchange.stations.test_station_formats import MRK, POS, sbet
+from support.long_cases import every
 
 from orip.stations.exposures import Matching, Sources, find_exposures
 from orip.stations.imported import read_epochs
@@ -52,12 +53,7 @@ def fuzz(folder: Path, count: int, seed: int) -> None:
     use_mutated_files(sound, count, seed, use)
 
 
-def test_some_hundred_mutated_files(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("count", "seed"), every(2, [(400, 7), (10_000, 8)]))
+def test_mutated_files(tmp_path: Path, count: int, seed: int) -> None:
     pytest.importorskip("exifread")
-    fuzz(tmp_path, 400, 7)
-
-
-@pytest.mark.long
-def test_ten_thousand_mutated_files(tmp_path: Path) -> None:
-    pytest.importorskip("exifread")
-    fuzz(tmp_path, 10_000, 8)
+    fuzz(tmp_path, count, seed)
