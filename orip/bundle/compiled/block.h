@@ -280,6 +280,16 @@ INLINE void spread_partials_by_cameras(const Pattern *p, const Linearised *found
 /* How long before they are linearised photo points are fetched: mostly they lie together by photos, those of a point apart. */
 #define FETCHED_BEFORE 32
 
+/* The same of points, whose blocks lie in another order. */
+#define POINTS_FETCHED_BEFORE 8
+
+/* Fetch the nine numbers of a block, which mostly lie in two lines. */
+INLINE void fetch_block(const double *block)
+{
+    FETCH(block);
+    FETCH(block + 8);
+}
+
 /* Fetch as many photo points of the pattern as there are lanes, of the next ones. */
 INLINE void fetch_ahead(const Block *b, const Pattern *p, const double *factor, int64_t k)
 {
@@ -290,6 +300,7 @@ INLINE void fetch_ahead(const Block *b, const Pattern *p, const double *factor, 
         FETCH(factor + 2 * row);
         FETCH(b->photo + row);
         FETCH(b->point + row);
+        FETCH(b->ground + 3 * (int64_t)b->point[p->order[next - FETCHED_BEFORE / 2]]);
     }
 }
 

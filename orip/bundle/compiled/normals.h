@@ -45,6 +45,15 @@ INLINE void weigh(const Block *b, const Pattern *p, const Normals *n, int64_t k,
     }
 }
 
+/* Fetch what a point has and gets. */
+INLINE void fetch_point(const Normals *n, int64_t block)
+{
+    fetch_block(n->blocks + 9 * block);
+    fetch_block(n->half + 9 * block);
+    FETCH(n->block_right + 3 * block);
+    FETCH(n->pivots + 3 * block);
+}
+
 /* Form the sums of each group of a share, one after the other in `room`. */
 static void normals_loop(const Block *b, const Pattern *p, Share share, const Normals *n, int32_t *numbers, double *room,
                          double *of_panels)
@@ -69,6 +78,8 @@ static void normals_loop(const Block *b, const Pattern *p, Share share, const No
             const int64_t block = p->block[place];
             double V[9] = {0.0}, full[3], *g = n->block_right + 3 * block, *H = n->half + 9 * block;
             const double *given_block = n->blocks + 9 * block;
+            if (place + POINTS_FETCHED_BEFORE < p->blocks)
+                fetch_point(n, p->block[place + POINTS_FETCHED_BEFORE]);
             const int64_t first = rays.count;
             int32_t last[2] = {0, 0};
             memset(s.coupling, 0, sizeof(double) * 3 * (size_t)s.stride);

@@ -77,6 +77,11 @@ INLINE int64_t keep_rays(const Block *b, const Pattern *p, const Local *local, c
 {
     const double *H = c->half + 9 * p->block[place];
     int32_t last[2] = {0, 0};
+    if (place + POINTS_FETCHED_BEFORE < p->blocks) {
+        const int64_t later = 9 * (int64_t)p->block[place + POINTS_FETCHED_BEFORE];
+        fetch_block(c->half + later);
+        fetch_block(c->cofactors + later);
+    }
     for (int64_t k = p->start[place]; k < p->start[place + 1]; k++) {
         const int lane = ahead(b, p, c->scale, k, a);
         const int64_t row = p->order[k];

@@ -47,6 +47,11 @@ INLINE void coupling_loop(const Block *b, const Pattern *p, Share share, const C
             const double *H = c->half + 9 * p->block[place];
             double *of_block = c->points + 3 * p->block[place], point[MOST_VECTORS][3] = {{0.0}}, of_point[2][3];
             int32_t last[2] = {0, 0};
+            if (place + POINTS_FETCHED_BEFORE < p->blocks) {
+                const int64_t later = p->block[place + POINTS_FETCHED_BEFORE];
+                fetch_block(c->half + 9 * later);
+                FETCH(c->points + 3 * later);
+            }
             for (int64_t v = 0; transposed && v < c->vectors; v++)
                 for (int i = 0; i < 3; i++)
                     for (int k = 0; k < 3; k++)
