@@ -36,6 +36,8 @@ INLINE void take_stretch(const Reduced *inverse, const Local *local, int64_t own
         memcpy(column, inverse->band + own * inverse->stride + place, sizeof(double) * (size_t)length);
     else if (own >= inverse->banded && place + length <= own)
         memcpy(column, inverse->border + (own - inverse->banded) * inverse->size + place, sizeof(double) * (size_t)length);
+    else if (place >= own && place + length <= inverse->banded && place + length - 1 - own <= inverse->stride)
+        memcpy(column, inverse->band + own * inverse->stride + place, sizeof(double) * (size_t)length);
     else
         for (int64_t k = 0; k < length; k++)
             if (is_stored(inverse, own, place + k))
@@ -114,9 +116,13 @@ INLINE void take_parts(const Pattern *p, const Reduced *inverse, const Local *lo
     part->half = room;
     find_stretches(local, stretch);
     take_cameras_part(p, inverse, local, stretch, cameras);
-    for (int64_t j = of_cameras; j < size; j++)
-        take_column(inverse, local, stretch, j, of_cameras, size, part->by_photos + (j - of_cameras) * part->of_photos,
-                    part->of_photos);
+    for (int64_t j = 0; j < part->photos; j++) {
+        /* the columns of the band are stored from the diagonal on, and photos are in the order of their places */
+        double *const own = part->by_photos + j * part->of_photos;
+        for (int64_t i = 0; i < j; i++)
+            own[i] = part->by_photos[i * part->of_photos + j];
+        take_column(inverse, local, stretch, of_cameras + j, of_cameras + j, size, own + j, part->of_photos - j);
+    }
     take_part_of_both(p, inverse, local, stretch, part->by_both + part->photos * part->of_cameras, part);
 }
 

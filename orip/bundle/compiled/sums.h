@@ -149,7 +149,8 @@ INLINE void scatter_column(const double *column, int64_t j, int64_t i, int64_t e
         length = stretch[i] < end - i ? stretch[i] : end - i;
         if (place >= own && place + length <= m->banded) {
             double *banded = m->band + own * m->stride + place;
-            for (int64_t k = 0; k < length && k < room; k++)
+            const int64_t stored = length < room ? length : room;
+            for (int64_t k = 0; k < stored; k++)
                 banded[k] += column[i + k];
         } else if (own >= m->banded && place >= 0 && place + length <= own) {
             double *row = m->border + (own - m->banded) * m->size + place;
