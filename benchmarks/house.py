@@ -92,10 +92,10 @@ def shortest_way(graph: Mapping[str, set[str]], start: str, end: str) -> list[st
                 before[further] = name
                 waiting.append(further)
     way: list[str] = []
-    name: str | None = end if end in before else None
-    while name is not None:
-        way.insert(0, name)
-        name = before[name]
+    last = end if end in before else None
+    while last is not None:
+        way.insert(0, last)
+        last = before[last]
     return way
 
 
