@@ -343,9 +343,9 @@ def photo_loop(points: PhotoPointObservations, unknowns: Unknowns, coordinates: 
     camera_of_photo[points.photo] = points.camera
     cameras = cameras_of_loop(points, unknowns)
     pattern = pattern_of_loop(points.photo, block, of_block, camera_of_photo, len(unknowns.cameras))
-    rates_begin = 3
-    with_rates = (unknowns.motions[:, rates_begin:] != CONSTANT).any()
-    motions = unknowns.motions[:, : None if with_rates else rates_begin * points.has_unknown_motions]
+    is_unknown = (unknowns.motions != CONSTANT).any(axis=0)
+    # velocities alone are half of a motion, and of the time that it takes
+    motions = unknowns.motions[:, : 6 if is_unknown[3:].any() else 3 if is_unknown.any() else 0]
     of_photos = np.hstack([unknowns.photos[:, _PHOTO_ORDER], motions])
     return PhotoPointLoop(
         points,
