@@ -21,7 +21,7 @@ from orip.records.camera import CAMERA_PARAMETERS, READOUT, Camera
 from orip.structs import replace
 
 if TYPE_CHECKING:
-    from orip.bundle.groups.held_readouts import ReadoutTest
+    from orip.bundle.groups.held_cameras import ReadoutTest
     from orip.bundle.solve import SolvedBlock
 
 _LONGEST = 20.0
@@ -310,7 +310,7 @@ def rolling_shutters(solved: SolvedBlock, readjuster: Readjuster) -> list[Projec
 
     It is tried as an unknown before it is advised; where that is not possible, or fails, its size is that of the test.
     """
-    from orip.bundle.groups.held_readouts import readout_test
+    from orip.bundle.groups.held_cameras import readout_test
     from orip.bundle.known_motions import known_motions
 
     block = solved.block

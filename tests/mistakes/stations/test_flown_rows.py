@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mistakes.stations.flown_rows import flight
 
-from orip.bundle.groups.held_readouts import readout_test
+from orip.bundle.groups.held_cameras import readout_test
 from orip.bundle.known_motions import known_motions
 from orip.bundle.solve import SolvedBlock, solve_block
 from orip.errors import ProjectWarning
