@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -13,7 +12,7 @@ from typing import Final
 import numpy as np
 from msgspec import Struct, field
 
-from orip.arrays import BoolArray, FloatArray
+from orip.arrays import FloatArray
 from orip.errors import Complaint
 from orip.files.text.decimal_numbers import parse_number
 from orip.files.text.lines import foreign_text, has_zeros, read_bytes
@@ -263,10 +262,10 @@ def _epochs(reader: RowReader, rows: Sequence[Row], places: Mapping[str, int], h
         place = place * [RADIANS_PER_DEGREE, RADIANS_PER_DEGREE, 1.0]
     else:
         place = triple("X", "Y", "Z", limit=LARGEST_PLACE)
-    missing: BoolArray = np.isnan(place)
-    incomplete = (missing.any(axis=1) & ~missing.all(axis=1)).tolist()
-    for row in itertools.compress(() if reader.complaints else rows, incomplete):
-        reader.complain("a coordinate is missing; write all three, or none", row)
+    if not reader.complaints:
+        for row, missing in zip(rows, np.isnan(place), strict=True):
+            if 0 < np.count_nonzero(missing) < len(missing):
+                reader.complain("a coordinate is missing; write all three, or none", row)
     errors = triple("aX", "aY", "aZ", limit=1e6)
     mount: Mount = "photo" if "omega" in places else "body"
     angles = triple("omega", "phi", "kappa") if mount == "photo" else triple("roll", "pitch", "heading")
