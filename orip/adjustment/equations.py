@@ -107,6 +107,12 @@ class DesignMatrix(Protocol):
     def block_normals(self, root_weights: FloatArray, misclosure: FloatArray, layout: Layout) -> BlockNormals:
         """Return the normal equations of the blocks alone, of rows times `root_weights` (n,), and `misclosure` (n,)."""
 
+    def right_side(self, root_weights: FloatArray, misclosure: FloatArray, layout: Layout) -> FloatArray:
+        """Return the right-hand side (m + 3 b,) of the normal equations, of rows times `root_weights` (n,).
+
+        `misclosure` (n,) are those of the weighted rows; zero for observations that take no part.
+        """
+
     def precision(
         self, factors: BlockFactors, coupling: Coupling, inverse: Symmetric, amounts: Amounts | None
     ) -> BlockPrecision:
