@@ -47,7 +47,7 @@ class SubBlock(NamedTuple):
         Number of unknowns in the front.
     sets : tuple of (camera, set, base)
         Cameras with additional parameters.
-    readout_a_mm : array (number of cameras,) or None
+    readout_a_mm : array (number of cameras, 2) or None
         See `PhotoPointObservations`.
     """
 

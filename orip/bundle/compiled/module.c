@@ -64,7 +64,7 @@ static int take_block(Call *call)
         && has(a, SET_POLYNOMIALS, POLYNOMIALS * POLYNOMIALS * b->camera_count)
         && has(a, TERM_FACTORS, 2 * MOST_CAMERA_UNKNOWNS * b->camera_count) && has(a, XY, 2 * b->count)
         && has(a, ERROR, 2 * b->count) && (!b->motions || has(a, MOTIONS, 6 * b->photo_count))
-        && has(a, MOVED, b->moving ? 6 * b->photo_count : 0) && (!b->moving || has(a, ROWS_A_MM, b->camera_count));
+        && has(a, MOVED, b->moving ? 6 * b->photo_count : 0) && (!b->moving || has(a, ROWS_A_MM, 2 * b->camera_count));
 }
 
 /* The first address from `memory` on at which a line of the cache begins: vectors do not cross lines then. */

@@ -15,13 +15,12 @@ from scipy.sparse import csr_array
 from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
 from orip.adjustment.factorisation.band import Arrangement, in_order
 from orip.adjustment.factorisation.cholesky import Symmetric
-from orip.adjustment.factorisation.elimination import Coupling, EliminatedNormals
+from orip.adjustment.factorisation.elimination import Coupling, EliminatedNormals, contracted, expanded
 from orip.adjustment.factorisation.null_space import Amounts, MovementSums, PointMovements
-from orip.adjustment.factorisation.substitution import contracted, expanded
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.compiled.photo_loop import Contributions, PhotoPointLoop, photo_loop
 from orip.bundle.kinds.photo_point import PhotoPointObservations
-from orip.bundle.rigs.elements import ELEMENTS, RigColumns
+from orip.bundle.rigs.starting import ELEMENTS, RigColumns
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.structs import replace

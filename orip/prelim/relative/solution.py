@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 
 from orip.adjustment.weights import LEAST_WEIGHT
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.geometry.essential import TwoPhotos
+from orip.geometry.rays import TwoPhotos
 from orip.prelim.compiled import kernels
 from orip.prelim.sampling import subsets
 
-# As in `orip.geometry.essential` the ground is the left photo's system, image vectors are (x, y, -C) in millimetres,
+# As in `orip.geometry.rays` the ground is the left photo's system, image vectors are (x, y, -C) in millimetres,
 # and R takes the right photo's system to the left one's.
 
 
