@@ -148,6 +148,11 @@ class Equations(Struct, frozen=True):
     groups: IntArray | None = None
     wider_groups: Callable[[], IntArray | None] = lambda: None
 
+    @property
+    def has_exact_constraints(self) -> bool:
+        """Return whether equations are shifted after each iteration: corrections then depend on more than the state."""
+        return bool((self.active & self.exact).any())
+
     def with_wider_groups(self) -> Equations:
         """Return the equations with the groups for many observations that do not fit."""
         return replace(self, groups=self.wider_groups())

@@ -23,7 +23,7 @@ _WORTH_IT = 20_000
 """Observations from which normal equations are held: below, an iteration takes a few milliseconds."""
 
 _NEAR_ENP, _NEXT_GAIN = 0.5, 1.5
-"""ENP from which they are held if the next correction will do, which gains that many times the digits of the last."""
+"""ENP from which they are held; and how many times the digits of the last correction the next one gains."""
 
 _SAME_PLACE_ENP = 3.0
 """ENP of a correction from which normal equations before it are those after it: it is a thousandth of the standard
@@ -77,13 +77,18 @@ class FormedNormals(Struct, Generic[StateT], frozen=True):
 def will_do(formed: FormedNormals[StateT], records: tuple[IterationRecord, ...], enp_stop: float) -> bool:
     """Return whether the normal equations of the last iteration are enough for what is probably the last correction."""
     equations = formed.at.equations
-    # exact constraints are shifted after each iteration
-    is_shifted = (equations.active & equations.exact).any()
-    if formed.served_before or is_shifted or len(records) < 2 or len(equations.residual) < _WORTH_IT:
+    if (
+        formed.served_before
+        or equations.has_exact_constraints
+        or len(records) < 2
+        or len(equations.residual) < _WORTH_IT
+    ):
         return False
     last = records[-1].enp
-    gain = last - records[-2].enp
-    return last >= _NEAR_ENP and last + _NEXT_GAIN * gain >= enp_stop
+    next_gain = _NEXT_GAIN * (last - records[-2].enp)
+    # else they would have to be formed at the end all the same
+    are_of_next = last >= _SAME_PLACE_ENP or next_gain >= _SAME_MATRIX_DIGITS
+    return last >= _NEAR_ENP and last + next_gain >= enp_stop and are_of_next
 
 
 def effective_weights(equations: Equations, weights: FloatArray) -> FloatArray:

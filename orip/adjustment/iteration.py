@@ -126,19 +126,16 @@ def adjust(
             now = _settled(problem, now, step.formed.normals, weights)
         next_weights = now.weighing.factors(now.current.equations, len(now.records) + 1)
         steady = weights_are_steady(weights, next_weights)
-        if not steady or _has_exact_constraints(now.current.equations):
+        if not steady or now.current.equations.has_exact_constraints:
             now = replace(now, acceleration=Acceleration())
         reason = _termination_reason(now, step.before.equations, settings, steady=steady, stop_asked=stop_asked())
         now, reason = _improved(problem, now, step, weights, settings, reason, settled=steady and _is_settled(now))
         if reason is None and len(now.records) >= settings.max_iterations:
             reason = TerminationReason.CONVERGED if now.had_converged else TerminationReason.MAX_ITERATIONS
-        held = None
         if reason is None:
-            is_undamped = now.current is step.moved and not step.damped and not step.limited
-            if is_undamped and steady and will_do(step.formed, now.records, settings.enp_stop):
-                held = step.formed
-            # the normal equations of the next iteration need their memory
-            del step
+            goes_on = now.current is step.moved and steady and not step.limited
+            held = step.formed if goes_on and will_do(step.formed, now.records, settings.enp_stop) else None
+            del step  # the next normal equations need its memory
     equations, linearised_at, normals = now.current.equations, now.current.state, None
     final = effective_weights(equations, now.weighing.factors(equations, len(now.records)))
     # damped normal equations are not those of the solution
@@ -355,11 +352,6 @@ def _has_diverged(now: IterationState[StateT]) -> bool:
     # where the Danish method begins, or damping ends, corrections grow once, and that is no divergence
     enps = [record.enp for record in now.records[now.weighing.iterations_before :]]
     return is_diverging(enps[-1 - now.control.undamped :]) or is_diverging([*enps[:1], *enps[-1:]])
-
-
-def _has_exact_constraints(equations: Equations) -> bool:
-    """Return whether equations are shifted after each iteration: corrections then depend on more than the state."""
-    return bool((equations.active & equations.exact).any())
 
 
 def _settled(
