@@ -239,6 +239,7 @@ def test_residuals(block):
 COMPARED = {
     "residuals": "test_residuals",
     "points": "test_normal_equations_of_points_alone, test_partials_of_single_photo_coordinates",
+    "right": "test_right_hand_side_with_nothing_eliminated",
     "eliminate": "test_normal_equations_with_eliminated_points, test_partials_of_single_photo_coordinates",
     "movements": "test_sums_of_movements",
     "precision": "test_solution_and_precision",
@@ -312,6 +313,15 @@ def test_normal_equations_of_points_alone(block):
     seen = free.any(axis=1)
     assert np.allclose(found.square_sums[seen], wanted.square_sums[seen], rtol=RELATIVE)
     assert wanted.square_sums[seen].all()
+
+
+def test_right_hand_side_with_nothing_eliminated(block):
+    layout, streamed, stored = both_ways(block)
+    root = np.sqrt(weights_of(stored) * stored.active)
+    misclosure = -root * np.where(stored.active, stored.residual, 0.0)
+    found, wanted = (version.rows.right_side(root, misclosure, layout) for version in (streamed, stored))
+    size = np.sqrt(stored.design.power(2).sum(axis=0)) * np.linalg.norm(misclosure)
+    assert (np.abs(found - wanted)[~layout.fixed] <= RELATIVE * size[~layout.fixed]).all()
 
 
 def test_solution_and_precision(block):

@@ -315,6 +315,15 @@ def points_alone(
     return loop.block_normals(state, root_weights, misclosure, others, layout)
 
 
+def right_side(
+    source: SubBlockSource, state: BlockState, root_weights: FloatArray, misclosure: FloatArray
+) -> FloatArray:
+    """Return the right-hand side (f + 3 q,), with nothing eliminated."""
+    loop = source.loop()
+    layout = loop.points.unknowns.layout
+    return loop.right_side(state, root_weights, misclosure, np.zeros(layout.size), layout)
+
+
 def eliminate(source: SubBlockSource, state: BlockState, given: NodeEquations, accuracy: Accuracy) -> NodeNormals:
     """Return the normal equations of a sub-block with its points eliminated."""
     loop = source.loop()

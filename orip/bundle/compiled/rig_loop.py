@@ -98,6 +98,16 @@ class RigLoop(Struct, frozen=True):
         """Return the normal equations of the points."""
         return self.loop.block_normals(state, root_weights, misclosure, others, self._layout(layout))
 
+    def right_side(
+        self, state: BlockState, root_weights: FloatArray, misclosure: FloatArray, others: FloatArray, layout: Layout
+    ) -> FloatArray:
+        """Return the right-hand side (m + 3 b,), points not eliminated."""
+        size, m = self.substitution.size, layout.reduced
+        of_points = np.concatenate([np.zeros(size), others[m:]])
+        found = self.loop.right_side(state, root_weights, misclosure, of_points, self._layout(layout))
+        reduced = self.substitution.matrix(state).T @ found[:size]
+        return np.concatenate([reduced + others[:m], found[size:]])
+
     def eliminate(
         self,
         state: BlockState,
