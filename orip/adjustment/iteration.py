@@ -133,14 +133,14 @@ def adjust(
         if reason is None and len(now.records) >= settings.max_iterations:
             reason = TerminationReason.CONVERGED if now.had_converged else TerminationReason.MAX_ITERATIONS
         if reason is None:
-            goes_on = now.current is step.moved and steady and not step.limited
-            held = step.formed if goes_on and will_do(step.formed, now.records, settings.enp_stop) else None
+            goes_on = now.current is step.moved and not step.limited
+            serves = goes_on and step.formed.have_weights(now.current.equations, next_weights)
+            held = step.formed if serves and will_do(step.formed, now.records, settings.enp_stop) else None
             del step  # the next normal equations need its memory
     equations, linearised_at, normals = now.current.equations, now.current.state, None
     final = effective_weights(equations, now.weighing.factors(equations, len(now.records)))
-    # damped normal equations are not those of the solution
-    is_undamped = now.current is step.moved and not step.damped
-    if is_undamped and step.formed.are_of_solution(now.records) and step.formed.have_weights(equations, final):
+    is_full = now.current is step.moved and not step.damped
+    if is_full and step.formed.are_of_solution(now.records) and step.formed.have_weights(equations, final):
         equations = replace(equations, rows=step.formed.at.equations.rows)
         linearised_at, normals = step.formed.at.state, step.formed.normals
     del step
