@@ -15,8 +15,9 @@ from scipy.sparse import csr_array
 from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
 from orip.adjustment.factorisation.band import Arrangement, in_order
 from orip.adjustment.factorisation.cholesky import Symmetric
-from orip.adjustment.factorisation.elimination import Coupling, EliminatedNormals, contracted, expanded
+from orip.adjustment.factorisation.elimination import Coupling, EliminatedNormals
 from orip.adjustment.factorisation.null_space import Amounts, MovementSums, PointMovements
+from orip.adjustment.factorisation.substitution import contracted, expanded
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.compiled.photo_loop import Contributions, PhotoPointLoop, photo_loop
 from orip.bundle.kinds.photo_point import PhotoPointObservations
