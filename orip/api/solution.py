@@ -14,9 +14,16 @@ from orip.api.estimates import AdjustedCamera, AdjustedCameras, AdjustedPhotos, 
 from orip.api.plots import Plots
 from orip.api.tables import HasTable, ObservationResiduals, TableName, data_frame, residuals_of, solution_html
 from orip.arrays import FloatArray
-from orip.bundle.results.covariance import Figures, camera_figures, covariance, photo_figures, point_figures
+from orip.bundle.results.covariance import (
+    Figures,
+    NormalEquations,
+    camera_figures,
+    covariance,
+    normal_equations,
+    photo_figures,
+    point_figures,
+)
 from orip.bundle.results.figures import figure
-from orip.bundle.results.normal_equations import NormalEquations, normal_equations
 from orip.bundle.solve import SolvedBlock
 from orip.errors import InputError, ProjectWarning, UnknownNameError
 from orip.files.result.json_text import result_text

@@ -48,7 +48,7 @@ from orip.bundle.points.left_out import (
 from orip.bundle.points.on_figures import with_points_on_figures
 from orip.bundle.points.other_places import other_places
 from orip.bundle.points.rival_places import control_rows, rival_places
-from orip.bundle.rigs.elements import columns_by_rigs
+from orip.bundle.rigs.starting import columns_by_rigs
 from orip.bundle.starting_state import starting_state
 from orip.bundle.state import BlockState, entries_at, moving, rotation_limit
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.known_motions import KnownMotions
-from orip.bundle.rigs.elements import RigState, partials_of_photos
+from orip.bundle.rigs.starting import RigState, partials_of_photos
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.geometry.rotation import (
     angles_from_rotation,

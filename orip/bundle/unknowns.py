@@ -21,7 +21,7 @@ from orip.adjustment.equations import Layout
 from orip.arrays import IntArray
 from orip.bundle.antennas import name_of_stretch, station_places
 from orip.bundle.known_motions import motion_errors
-from orip.bundle.rigs.elements import RigColumns
+from orip.bundle.rigs.starting import RigColumns
 from orip.interior.additional_parameters import PARAMETER_SETS
 from orip.records.block import Block
 from orip.records.camera import CAMERA_PARAMETERS, LENS_PLACES, OWN_PARAMETERS, Camera, first_of_lens

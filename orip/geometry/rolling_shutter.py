@@ -1,4 +1,4 @@
-"""Photos whose rows are exposed one after the other, by a camera that moves: the projection at the time of each row.
+"""Photos whose rows, or columns, are exposed one after the other, by a camera that moves: where each is taken from.
 
 A point is imaged at t = readout · f, f from −1/2 in the first row to +1/2 in the last one, from where the camera is
 then:

@@ -28,7 +28,7 @@ from orip.units import DEGREES_PER_RADIAN, RADIANS_PER_DEGREE
 from orip.wording import joined
 
 if TYPE_CHECKING:
-    from orip.bundle.rigs.elements import RigState
+    from orip.bundle.rigs.starting import RigState
     from orip.bundle.solve import SolvedBlock
 
 _SHARE = 0.15

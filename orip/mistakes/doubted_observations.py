@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from orip.arrays import FloatArray, IntArray
-from orip.bundle.results.prediction import predict_photo_coordinates
+from orip.bundle.results.covariance import predict_photo_coordinates
 from orip.geometry.rays import intersect_rays
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.image_coordinates import image_vectors

@@ -8,7 +8,7 @@ import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.errors import ProjectWarning
-from orip.geometry.fitted_planes import FittedPlanes, fitted_planes
+from orip.geometry.figures import FittedPlanes, fitted_planes
 from orip.interior.definitions import Definitions
 from orip.mistakes.hypothesis import Hypothesis, finding, photos_stay_near
 from orip.records.block import Block

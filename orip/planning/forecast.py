@@ -18,7 +18,7 @@ from orip.adjustment.normals import solve_normals
 from orip.adjustment.precision import VarianceOfUnitWeight, cofactors, variance_of_unit_weight
 from orip.adjustment.weights import weighing_from
 from orip.arrays import FloatArray
-from orip.bundle.additions.visible_points import with_rays
+from orip.bundle.additions.candidates import with_rays
 from orip.bundle.assemble import theodolite_sets
 from orip.bundle.diagnosis import diagnose
 from orip.bundle.kinds.photo_point import observe_photo_points

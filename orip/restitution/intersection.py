@@ -22,7 +22,7 @@ import numpy as np
 from orip.arrays import FloatArray, IntArray
 from orip.bundle.kinds.photo_point import POINT_PARTIALS, PhotoPointObservations, observe_photo_points
 from orip.bundle.results.covariance import cofactor_columns
-from orip.bundle.rigs.elements import chained
+from orip.bundle.rigs.starting import chained
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT
 from orip.geometry.projection import PROJECTIONS

@@ -19,12 +19,11 @@ from adjustment.factorisation.linear_systems import (
 
 from orip.adjustment import weight_search
 from orip.adjustment.exchanges import exchanges_to_try, lost_by_themselves, wrong_by_themselves, wrong_one_by_one
-from orip.adjustment.first_changes import taken_back_together
 from orip.adjustment.improvement import rounds_after
 from orip.adjustment.normals import solve_normals
 from orip.adjustment.residual_sums import factored_rows
 from orip.adjustment.weight_changes import LinearAdjustment, begun
-from orip.adjustment.weight_search import weights_of_lower_cost
+from orip.adjustment.weight_search import taken_back_together, weights_of_lower_cost
 from orip.structs import replace
 
 COUNT, LIMIT = 12, 5.0

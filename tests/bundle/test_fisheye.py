@@ -7,7 +7,7 @@ import pytest
 from bundle.solving import OFF, noisy, solution
 from support.synthetic_block import DISTORTED, SyntheticBlock, synthetic_block
 
-from orip.bundle.results.prediction import predict_photo_coordinates
+from orip.bundle.results.covariance import predict_photo_coordinates
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.interior.image_coordinates import image_vectors
 from orip.prelim.chain import preliminary_values

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from orip.geometry.fitted_planes import fitted_planes
+from orip.geometry.figures import fitted_planes
 
 
 def test_each_group_has_the_plane_of_its_singular_value_decomposition() -> None:

@@ -58,7 +58,7 @@ from orip.interior.image_coordinates import SetValues, image_residuals_with_part
 from orip.multimodel.photo_loop import camera_model
 from orip.prelim.relative.solution import Pairs
 from orip.records.block import Block, TheodoliteSet
-from orip.records.camera import CAMERA_PARAMETERS, Sensor
+from orip.records.camera import CAMERA_PARAMETERS, ReadoutDirection, Sensor
 from orip.records.control import (
     NOT_GIVEN,
     ControlDirection,
@@ -546,9 +546,13 @@ def blocks() -> dict[str, Block]:
         )
     }
     rolling = {
-        f"rolling {label}": _rolling(block)
-        for label, block in {**plain, **fisheyes, **with_set}.items()
-        if label in {"strip, ideal", "convergent, measured", "room, ideal", "convergent, ideal, EBNER"}
+        f"rolling {label}, {direction}": _rolling({**plain, **fisheyes, **with_set}[label], direction)
+        for label, direction in (
+            ("strip, ideal", "down"),
+            ("convergent, measured", "right"),
+            ("room, ideal", "left"),
+            ("convergent, ideal, EBNER", "up"),
+        )
     }
     same_lens = {f"same lens, {argument}": with_two_frames(plain[f"convergent, {argument}"]) for argument in _ARGUMENTS}
     strip = _in_a_crs(plain["strip, ideal"])
@@ -643,7 +647,7 @@ def _with_set(block: Block, name: str) -> Block:
     return replace(block, cameras=(camera,), held_additional=frozenset([held]))
 
 
-def _rolling(block: Block) -> Block:
+def _rolling(block: Block, direction: ReadoutDirection) -> Block:
     """Return a block of a rolling shutter, with unknown readout and motions."""
     camera, photo = block.cameras[0], block.photos[0].name
     said = StationMotion((8.0, 1.0, -2.0), (0.1, 0.2, 0.1), (0.1, -0.2, 0.1), (0.01, 0.02, 0.01))
@@ -657,7 +661,7 @@ def _rolling(block: Block) -> Block:
         cameras=(
             replace(
                 camera, parameters=(*camera.parameters[:-1], 0.05), sensor=Sensor(3000, 2000, 1.5 * height, height),
-                unknown=(*camera.unknown, "READOUT"),
+                unknown=(*camera.unknown, "READOUT"), readout_direction=direction,
             ),
         ),
     )  # fmt: skip

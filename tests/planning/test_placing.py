@@ -10,10 +10,9 @@ from cli.command_line import orip
 from planning.planned_blocks import planned, settings
 from workflow.small_projects import REPOSITORY
 
-from orip.bundle.additions.candidates import distance_candidates, network_of, photo_candidates
+from orip.bundle.additions.candidates import distance_candidates, network_of, photo_candidates, with_rays
 from orip.bundle.additions.placing import Wanted, place_in_block
 from orip.bundle.additions.search import place_greedily, with_all
-from orip.bundle.additions.visible_points import with_rays
 from orip.planning.forecast import forecast
 from orip.records.control import ControlDistance
 from orip.records.photo import Photo

@@ -19,7 +19,7 @@ from workflow.commands import edit_observations, list_observations, measure, mea
 from workflow.small_projects import film_project, replace_in
 
 from orip.bundle.local_frame import ground_system
-from orip.bundle.results.prediction import predict_photo_coordinates
+from orip.bundle.results.covariance import predict_photo_coordinates
 from orip.errors import InputError, LockedError
 from orip.files.stores.contents import observations, solutions
 from orip.files.stores.dump import dump

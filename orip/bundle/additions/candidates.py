@@ -6,6 +6,7 @@ have its six elements eliminated: they are new unknowns, on which nothing else d
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import combinations
 
 import numpy as np
@@ -13,16 +14,80 @@ from msgspec import Struct
 
 from orip.arrays import FloatArray, IntArray
 from orip.bundle.additions.search import Candidate
-from orip.bundle.additions.visible_points import with_rays
 from orip.bundle.kinds.photo_point import POINT_PARTIALS, observe_photo_points
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.starting_state import starting_state
 from orip.bundle.unknowns import CONSTANT, number_unknowns
-from orip.geometry.rotation import angles_from_rotation, looking_along
-from orip.records.block import Block
-from orip.records.camera import CAMERA_PARAMETERS
+from orip.geometry.rotation import angles_from_rotation, looking_along, rotation_from_angles
+from orip.records.block import Block, IndexedPhotoPoints
+from orip.records.camera import CAMERA_PARAMETERS, Camera
 from orip.records.photo import Photo
 from orip.structs import replace
+
+_EDGE = 0.02
+"""Part of the frame at each side in which no tie point is expected."""
+
+_STEEP = 1.3
+"""Radians from the vertical within which all that a photo shows is near it."""
+
+
+def with_rays(block: Block, error: FloatArray) -> Block:
+    """Return a block of one camera with its points in all photos whose frame they are in.
+
+    Parameters
+    ----------
+    error : array (2,)
+        A-priori errors of x and y, mm.
+    """
+    camera = block.cameras[0]
+    half = (0.5 - _EDGE) * _size(camera)
+    places_near = _nearby(block, half)
+    rotations = rotation_from_angles(block.photo_orientation[:, 3:])
+    photo, point, image = [], [], []
+    for row, (centre, rotation) in enumerate(zip(block.photo_orientation[:, :3], rotations, strict=True)):
+        near = places_near(row)
+        u = (block.point_start[near] - centre) @ rotation
+        front = u[:, 2] < 0.0
+        xy = -camera.parameters[0] * u[:, :2] / np.where(front, u[:, 2], -np.inf)[:, None]
+        shown = np.flatnonzero(front & (np.abs(xy) <= half).all(axis=1))
+        photo.append(np.full(len(shown), row))
+        point.append(near[shown])
+        image.append(xy[shown])
+    photos, points = np.concatenate(photo), np.concatenate(point)
+    xy = np.concatenate(image) + camera.parameters[1:3]
+    return replace(
+        block,
+        photo_points=IndexedPhotoPoints(
+            photos, points, xy, np.broadcast_to(error, xy.shape).copy(), np.ones(xy.shape, dtype=bool)
+        ),
+    )
+
+
+def _nearby(block: Block, half: FloatArray) -> Callable[[int], IntArray]:
+    """Return what gives the points that a photo may show: all but those behind the plane through its centre.
+
+    Photos that look down steeply show nothing that is far from below them; of large blocks that is most.
+    """
+    from scipy.spatial import KDTree
+
+    camera, centres = block.cameras[0], block.photo_orientation[:, :3]
+    down = rotation_from_angles(block.photo_orientation[:, 3:])[:, 2, 2]
+    widest = np.arctan(np.hypot(*half) / camera.parameters[0])
+    steepest = np.arccos(np.clip(down, -1.0, 1.0)) + widest
+    depth = centres[:, 2] - block.point_start[:, 2].min()
+    if not (steepest < _STEEP).all():
+        return lambda _: np.arange(len(block.point_start))
+    tree = KDTree(block.point_start[:, :2])
+    found = tree.query_ball_point(centres[:, :2], np.maximum(depth, 0.0) * np.tan(steepest), return_sorted=True)
+    return lambda row: np.array(found[row], dtype=np.int64)
+
+
+def _size(camera: Camera) -> FloatArray:
+    """Return the size (2,) of the frame, mm."""
+    size = camera.sensor.size if camera.sensor is not None else camera.frame
+    assert size is not None, "photos are planned with cameras that have one"
+    return np.array(size)
+
 
 _ELEMENTS = slice(len(CAMERA_PARAMETERS), POINT_PARTIALS.start)
 """Of a photo, among the partials of photo points."""

@@ -64,7 +64,7 @@ static int take_block(Call *call)
         && has(a, SET_POLYNOMIALS, POLYNOMIALS * POLYNOMIALS * b->camera_count)
         && has(a, TERM_FACTORS, 2 * MOST_CAMERA_UNKNOWNS * b->camera_count) && has(a, XY, 2 * b->count)
         && has(a, ERROR, 2 * b->count) && (!b->motions || has(a, MOTIONS, 6 * b->photo_count))
-        && has(a, MOVED, b->moving ? 6 * b->photo_count : 0) && (!b->moving || has(a, ROWS_A_MM, b->camera_count));
+        && has(a, MOVED, b->moving ? 6 * b->photo_count : 0) && (!b->moving || has(a, ROWS_A_MM, 2 * b->camera_count));
 }
 
 /* The first address from `memory` on at which a line of the cache begins: vectors do not cross lines then. */
@@ -382,12 +382,33 @@ static PyObject *backward(PyObject *Py_UNUSED(module), PyObject *const *argument
     return coupling(arguments, given, 0);
 }
 
+static void form_right(const Call *c, int64_t share, const void *arrays)
+{
+    c->loops->right(&c->block, &c->pattern, groups_of(c, share), arrays, c->numbers, c->room);
+}
+
+static PyObject *right(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { FACTOR = PATTERN_END, MISCLOSURE, REDUCED, POINTS };
+    Call c;
+    if (!begin(&c, arguments, given, OBSERVATIONS PATTERN "dd" "DD", 0))
+        return NULL;
+    const int64_t size = length_of(&c.a, REDUCED), rows = 2 * c.block.count;
+    if (!take_block(&c) || !take_pattern(&c, size) || !has(&c.a, FACTOR, rows) || !has(&c.a, MISCLOSURE, rows)
+        || !has(&c.a, POINTS, 3 * c.pattern.blocks))
+        return refuse(&c);
+    const Py_buffer *v = c.a.views;
+    const RightSide r = {{v[FACTOR].buf, NULL, v[REDUCED].buf, v[POINTS].buf, 1, size}, v[MISCLOSURE].buf};
+    return work(&c, c.pattern.shares, form_right, add_forward_of, &r);
+}
+
 static PyMethodDef methods[] = {
     {"layout", (PyCFunction)(void (*)(void))layout, METH_FASTCALL, "Index arrays of a block, copied and checked."},
     {"turns", (PyCFunction)(void (*)(void))turns, METH_FASTCALL, "Turns of a number of threads."},
     {"residuals", (PyCFunction)(void (*)(void))residuals, METH_FASTCALL, "Residuals of all photo points."},
     {"points", (PyCFunction)(void (*)(void))points, METH_FASTCALL, "Normal equations of each point by itself."},
     {"eliminate", (PyCFunction)(void (*)(void))eliminate, METH_FASTCALL, "Normal equations, points eliminated."},
+    {"right", (PyCFunction)(void (*)(void))right, METH_FASTCALL, "Right-hand side of the normal equations."},
     {"movements", (PyCFunction)(void (*)(void))movements, METH_FASTCALL, "Points in the inner constraints."},
     {"precision", (PyCFunction)(void (*)(void))precision, METH_FASTCALL, "Cofactors of points, leverages."},
     {"forward", (PyCFunction)(void (*)(void))forward, METH_FASTCALL, "Transposed coupling of points times a vector."},

@@ -6,7 +6,7 @@ import numpy as np
 from msgspec import Struct
 
 from orip.arrays import FloatArray, IntArray
-from orip.bundle.rigs.elements import RigState
+from orip.bundle.rigs.starting import RigState
 from orip.bundle.state import RADIUS, SHIFTS, TILTS, BlockState, PlacedFigures, entries_at
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.geometry.rotation import angle_rates_from_axes_rotation, cross_matrix

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.correlated_rows import CorrelatedRows
-from orip.bundle.rigs.elements import Chained, chained
+from orip.bundle.rigs.starting import Chained, chained
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.errors import InputError

@@ -12,7 +12,7 @@ from orip.adjustment.weights import LEAST_WEIGHT, danish_costs
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.kinds.photo_point import POINT_PARTIALS, PhotoPointObservations
 from orip.bundle.points.consensus import PointRays, points_by_photos_alone
-from orip.bundle.rigs.elements import chained
+from orip.bundle.rigs.starting import chained
 from orip.bundle.state import BlockState, poses_of_rays
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.interior.image_coordinates import image_vectors

@@ -12,18 +12,20 @@ from orip.adjustment.iteration_state import IterationRecord
 from orip.adjustment.precision import residual_cofactor
 from orip.arrays import BoolArray, IntArray, parts
 from orip.bundle.antennas import station_places
-from orip.bundle.results.correlated_figures import CorrelatedFigures, correlated_figures
-from orip.bundle.results.fitted_figures import figure_estimates
+from orip.bundle.results.further_records import (
+    exposure_estimates,
+    figure_estimates,
+    mounting_estimates,
+    photo_motions,
+    rig_estimates,
+)
 from orip.bundle.results.ground import (
     adjusted_photos,
     adjusted_points,
     deviations,
     photo_correlations,
 )
-from orip.bundle.results.mountings import exposure_estimates, mounting_estimates
-from orip.bundle.results.moved_photos import photo_motions
-from orip.bundle.results.reliability import lost_control, lost_photos
-from orip.bundle.results.rigs import rig_estimates
+from orip.bundle.results.reliability import CorrelatedFigures, correlated_figures, lost_control, lost_photos
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT, set_names
 from orip.records.block import Block

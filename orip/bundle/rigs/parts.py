@@ -18,8 +18,7 @@ import numpy as np
 from scipy.sparse import coo_array
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.bundle.rigs.elements import RigState
-from orip.bundle.rigs.starting import oriented_by_rigs, starting_rigs
+from orip.bundle.rigs.starting import RigState, oriented_by_rigs, starting_rigs
 from orip.geometry.projection import PROJECTIONS
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.records.block import Block

@@ -23,7 +23,7 @@ from orip.geometry.essential import TwoPhotos
 from orip.prelim.compiled import kernels
 from orip.prelim.sampling import subsets
 
-# As in `orip.geometry.essential` the ground is the left photo's system, image vectors are (x, y, -C) in millimetres,
+# As in `orip.geometry.rays` the ground is the left photo's system, image vectors are (x, y, -C) in millimetres,
 # and R takes the right photo's system to the left one's.
 
 

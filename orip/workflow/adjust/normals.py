@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orip.bundle.results.normal_equations import normal_equations
+from orip.bundle.results.covariance import normal_equations
 from orip.errors import UsageError
 from orip.files.text.atomic import replace_bytes, reporting_failure
 from orip.workflow.adjust.results import solved_again

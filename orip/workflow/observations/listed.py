@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from orip.arrays import FloatArray
 from orip.bundle.local_frame import ground_system
-from orip.bundle.results.prediction import predict_photo_coordinates
+from orip.bundle.results.covariance import predict_photo_coordinates
 from orip.bundle.results.reliability import reliability
 from orip.errors import InputError, ProjectWarning, UsageError
 from orip.interior.in_force import stored_to_log

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from aerial_blocks import aerial_block
 
+from orip.bundle.kinds.terrain_height import with_terrain_heights
 from orip.bundle.solve import SolvedBlock
-from orip.bundle.terrain import with_terrain_heights
 from orip.bundle.unknowns import CONSTANT
 from orip.records.block import Block
 from orip.records.control import ControlDistance, Station

@@ -8,7 +8,7 @@ import numpy as np
 from bundle.figure_blocks import figure_block
 from support.synthetic_block import SyntheticBlock
 
-from orip.bundle.terrain import with_terrain_heights
+from orip.bundle.kinds.terrain_height import with_terrain_heights
 from orip.geometry.height_grid import surface_at
 from orip.records.ground import HeightGrid, Terrain, TerrainModel
 from orip.structs import replace

@@ -9,9 +9,9 @@ from bundle.solving import OFF, redefined, rows, solution, solved
 from monte_carlo.grouped_blocks import verdict_of
 
 from orip.bundle.groups.words import group_diagnosis
+from orip.bundle.kinds.terrain_height import with_terrain_heights
 from orip.bundle.snooping.findings import blunders_of, snooping_diagnosis, without_blunders
 from orip.bundle.snooping.search import SnoopingSettings, snoop
-from orip.bundle.terrain import with_terrain_heights
 from orip.bundle.variance.groups import VarianceGroup, with_errors_times
 from orip.errors import InputError
 from orip.geometry.height_grid import surface_at

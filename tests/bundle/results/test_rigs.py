@@ -8,7 +8,7 @@ from bundle.solving import solved
 from scipy.spatial.transform import Rotation
 
 from orip.bundle.results.covariance import covariance, photo_figures
-from orip.bundle.results.rigs import RIG_PARAMETERS, rig_estimates
+from orip.bundle.results.further_records import RIG_PARAMETERS, rig_estimates
 from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import SolvedBlock
 from orip.records.block import Block, IndexedPhotoPoints
