@@ -11,8 +11,9 @@ from orip.interior.definitions import Definitions
 from orip.interior.orientation import OrientedMarks, orient_photo
 from orip.mistakes.marks.all_films import marks_of_all_films
 from orip.mistakes.marks.misnamed import misnamed_marks
+from orip.mistakes.marks.points import points_in_another_unit
 from orip.records.camera import Camera, Mark
-from orip.records.measurement import MeasuredMarks, PhotoOrientation, TransformationKind
+from orip.records.measurement import MeasuredMarks, PhotoObservations, PhotoOrientation, TransformationKind
 from orip.records.photo import Photo
 
 AROUND = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1), (-1.05, 0), (0, 1.05), (1.05, 0), (0, -1.05)]) * 106.0
@@ -35,7 +36,7 @@ def _said(given: FloatArray, kind: TransformationKind = "A", skew: float = 0.0) 
     random = np.random.default_rng(7)
     films = [_film(str(row), given, kind, skew, random) for row in range(8)]
     photos = {film.adjustment.summary.name: Photo(film.adjustment.summary.name, "A") for film in films}
-    definitions = Definitions({"A": Camera("A", (153.0, *[0.0] * 12))}, {}, photos, {})
+    definitions = Definitions({"A": Camera("A", (153.0, *[0.0] * 12))}, {}, {}, photos, {})
     return [warning.code for warning in marks_of_all_films(definitions, [film.adjustment for film in films])]
 
 
@@ -71,3 +72,28 @@ def test_two_corners_exchanged_are_named_where_no_transformation_fits() -> None:
     camera = Camera("A", (153.0, *[0.0] * 12), fiducials=tuple(map(Mark, NAMES, *AROUND.T.tolist())))
     with pytest.raises(OrientationError, match="marks 1 and 2 fit when their names are exchanged"):
         orient_photo(PhotoOrientation("101", "A", marks), camera, on_template=False)
+
+
+@pytest.mark.parametrize(
+    ("marks", "points", "said"),
+    [
+        (1.0, 1.0, None),
+        (1.0, 0.1, None),  # all points near one another
+        (1.0, 1e3, "the POINTS lines seem to be in micrometres"),
+        (1e3, 1.0, "the PHOTO lines seem to be in micrometres"),
+        (1e3, 1e3, None),  # transformation A takes it
+    ],
+)
+def test_points_in_another_unit_than_their_marks(marks: float, points: float, said: str | None) -> None:
+    camera = Camera("A", (153.0, *[0.0] * 12), fiducials=tuple(map(Mark, NAMES, *AROUND.T.tolist())))
+    measured = MeasuredMarks(NAMES, marks * AROUND, np.zeros(len(NAMES), dtype=bool), np.full_like(AROUND, np.nan))
+    film = orient_photo(PhotoOrientation("101", "A", measured), camera, on_template=False)
+    definitions = Definitions({"A": camera}, {}, {}, {"101": Photo("101", "A")}, {})
+    at = points * np.random.default_rng(9).uniform(-100.0, 100.0, (20, 2))
+    names = tuple(map(str, range(len(at))))
+    observations = PhotoObservations(
+        "MAIN", ("101",) * len(at), names, at, np.full_like(at, np.nan), np.zeros(len(at), dtype=bool)
+    )
+    warnings = list(points_in_another_unit(definitions, observations, {"101": film.transformation}))
+    assert [(warning.code, warning.where) for warning in warnings] == ([("point-unit", "camera A")] if said else [])
+    assert not said or said in warnings[0].text
