@@ -76,14 +76,12 @@ class _Film(Struct, frozen=True):
         The least of many is too small. What a residual loses of a square sum without its mark is a part with a beta
         distribution.
         """
-        scale = _median_of_chi_square(self.redundancy)
         renamed = min(self.best, *self.exchanged.values())
-        if renamed < _FAR_BETTER * self.given:
-            return renamed / scale
+        fitted = renamed if renamed < _FAR_BETTER * self.given else self.given
         least, freedom = min(self.without.values(), default=np.inf), self.redundancy - 2
-        if freedom > 0 and len(self.without) * least ** (0.5 * freedom) < _LIKELY * self.given ** (0.5 * freedom):
+        if freedom > 0 and least < fitted and len(self.without) * (least / fitted) ** (0.5 * freedom) < _LIKELY:
             return least / _median_of_chi_square(freedom)
-        return self.given / scale
+        return fitted / _median_of_chi_square(self.redundancy)
 
     @property
     def names(self) -> tuple[str, ...]:
