@@ -80,11 +80,11 @@ demo: $(RUNS)
 
 .PHONY: test
 test: $(READY)
-	$(BIN)/python -m pytest -q -n 2 $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -q -n 2 --dist worksteal $(PYTEST_ARGS)
 
 .PHONY: test-all
 test-all: $(READY)
-	$(BIN)/python -m pytest -q -n 2 -m '' --hypothesis-profile='many examples' $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -q -n 2 --dist worksteal -m '' --hypothesis-profile='many examples' $(PYTEST_ARGS)
 
 # under other kernels of OpenBLAS than the tests, and without the compiled loop over photo points
 KERNELS :=

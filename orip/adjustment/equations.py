@@ -107,6 +107,12 @@ class DesignMatrix(Protocol):
     def block_normals(self, root_weights: FloatArray, misclosure: FloatArray, layout: Layout) -> BlockNormals:
         """Return the normal equations of the blocks alone, of rows times `root_weights` (n,), and `misclosure` (n,)."""
 
+    def right_side(self, root_weights: FloatArray, misclosure: FloatArray, layout: Layout) -> FloatArray:
+        """Return the right-hand side (m + 3 b,) of the normal equations, of rows times `root_weights` (n,).
+
+        `misclosure` (n,) are those of the weighted rows; zero for observations that take no part.
+        """
+
     def precision(
         self, factors: BlockFactors, coupling: Coupling, inverse: Symmetric, amounts: Amounts | None
     ) -> BlockPrecision:
@@ -141,6 +147,11 @@ class Equations(Struct, frozen=True):
     exact: BoolArray
     groups: IntArray | None = None
     wider_groups: Callable[[], IntArray | None] = lambda: None
+
+    @property
+    def has_exact_constraints(self) -> bool:
+        """Return whether equations are shifted after each iteration: corrections then depend on more than the state."""
+        return bool((self.active & self.exact).any())
 
     def with_wider_groups(self) -> Equations:
         """Return the equations with the groups for many observations that do not fit."""

@@ -20,6 +20,7 @@ from orip.adjustment.convergence import (
     weights_are_steady,
 )
 from orip.adjustment.equations import Equations, Layout, Linearised, Problem, StateT
+from orip.adjustment.formed_normals import FormedNormals, effective_weights, will_do
 from orip.adjustment.improvement import judged_attempt, next_attempt
 from orip.adjustment.iteration_state import IterationRecord, IterationSettings, IterationState
 from orip.adjustment.normals import SolvedNormals, solve_normals
@@ -27,7 +28,6 @@ from orip.adjustment.precision import cofactors
 from orip.adjustment.step_control import StepControl, judged_residuals, with_blocks_fitted
 from orip.adjustment.weights import SETTLED_ENP, Weighing, has_many_reduced, sums_of_full_weight, weighing_from
 from orip.arrays import BoolArray, FloatArray
-from orip.set_aside import set_aside
 from orip.structs import replace
 
 _SAME_COST_ENP = 2.0
@@ -35,10 +35,6 @@ _SAME_COST_ENP = 2.0
 
 _REWEIGHTED_ENP = 0.0
 """ENP from which the residuals reflect an exchange, so that weights may be recomputed."""
-
-_SAME_PLACE_ENP = 3.0
-"""ENP from which normal equations need not be formed again at the final state: corrections are a thousandth of the
-standard deviations, and change partials by less than the rounding of printed figures."""
 
 
 class Adjustment(Struct, Generic[StateT], frozen=True):
@@ -54,7 +50,7 @@ class Adjustment(Struct, Generic[StateT], frozen=True):
     normals : SolvedNormals
         Factored with the final weights.
     linearised_at : state of the problem
-        Of normal equations and rows: the final one, or the one before a last iteration that changed next to nothing.
+        Of normal equations and rows: the final one, or one before last iterations that changed next to nothing.
     iterations : tuple of IterationRecord
     reason : TerminationReason
     weighing : Weighing
@@ -84,7 +80,7 @@ class Adjustment(Struct, Generic[StateT], frozen=True):
 class _Step(NamedTuple, Generic[StateT]):
     """A step that was taken: its normal equations, where it began and ended, and what it leaves to the next one."""
 
-    normals: SolvedNormals
+    formed: FormedNormals[StateT]
     before: Linearised[StateT]
     moved: Linearised[StateT]
     limited: bool
@@ -118,32 +114,35 @@ def adjust(
     """
     now = _initial(problem, start, settings)
     reason: TerminationReason | None = None
+    held: FormedNormals[StateT] | None = None
     while reason is None:
-        now, weights, formed = _determined(problem, now, settings)
-        step = _controlled_step(problem, now, weights, formed, settings)
-        del formed
+        now, formed = _determined(problem, now, settings, held)
+        step = _controlled_step(problem, now, formed, settings)
+        del formed, held
+        weights = step.formed.weights
         now = _after(now, step, weights, problem.layout, settings)
         on_iteration(now.records[-1])
         if now.weighing.settled_after == len(now.records):
-            now = _settled(problem, now, step.normals, weights)
+            now = _settled(problem, now, step.formed.normals, weights)
         next_weights = now.weighing.factors(now.current.equations, len(now.records) + 1)
         steady = weights_are_steady(weights, next_weights)
-        if not steady or _has_exact_constraints(now.current.equations):
+        if not steady or now.current.equations.has_exact_constraints:
             now = replace(now, acceleration=Acceleration())
         reason = _termination_reason(now, step.before.equations, settings, steady=steady, stop_asked=stop_asked())
         now, reason = _improved(problem, now, step, weights, settings, reason, settled=steady and _is_settled(now))
         if reason is None and len(now.records) >= settings.max_iterations:
             reason = TerminationReason.CONVERGED if now.had_converged else TerminationReason.MAX_ITERATIONS
         if reason is None:
-            # the normal equations of the next iteration need their memory
-            del step
-    final = _effective(now.current.equations, now.weighing.factors(now.current.equations, len(now.records)))
+            goes_on = now.current is step.moved and not step.limited
+            serves = goes_on and step.formed.have_weights(now.current.equations, next_weights)
+            held = step.formed if serves and will_do(step.formed, now.records, settings.enp_stop) else None
+            del step  # the next normal equations need its memory
     equations, linearised_at, normals = now.current.equations, now.current.state, None
-    # damped normal equations are not those of the solution
-    is_near = now.records[-1].enp >= _SAME_PLACE_ENP and now.current is step.moved and not step.damped
-    if is_near and np.array_equal(_effective(step.before.equations, weights), final):
-        equations = replace(equations, rows=step.before.equations.rows)
-        linearised_at, normals = step.before.state, step.normals
+    final = effective_weights(equations, now.weighing.factors(equations, len(now.records)))
+    is_full = now.current is step.moved and not step.damped
+    if is_full and step.formed.are_of_solution(now.records) and step.formed.have_weights(equations, final):
+        equations = replace(equations, rows=step.formed.at.equations.rows)
+        linearised_at, normals = step.formed.at.state, step.formed.normals
     del step
     normals = normals or solve_normals(equations, final, problem.layout, settings.max_lost_digits)
     return Adjustment(now.current.state, equations, final, normals, linearised_at, now.records, reason, now.weighing)
@@ -167,10 +166,10 @@ def _improved(
         return now, reason
     if now.weighing.is_scale_in_doubt:
         before = now.weighing.scale
-        now = _rescaled(problem, now, step.normals, weights, weights >= 1.0)
+        now = _rescaled(problem, now, step.formed.normals, weights, weights >= 1.0)
         if now.weighing.scale != before:
             return now, None
-    return next_attempt(problem, now, weights, step.normals, settings, reason)
+    return next_attempt(problem, now, weights, step.formed.normals, settings, reason)
 
 
 def _initial(problem: Problem[StateT], start: StateT, settings: IterationSettings) -> IterationState[StateT]:
@@ -187,17 +186,26 @@ def _linearised(problem: Problem[StateT], state: StateT) -> Linearised[StateT]:
 
 
 def _determined(
-    problem: Problem[StateT], now: IterationState[StateT], settings: IterationSettings
-) -> tuple[IterationState[StateT], FloatArray, SolvedNormals]:
-    """Return weight factors (n,) and normal equations of the next iteration, without blocks that nothing determines."""
+    problem: Problem[StateT],
+    now: IterationState[StateT],
+    settings: IterationSettings,
+    held: FormedNormals[StateT] | None,
+) -> tuple[IterationState[StateT], FormedNormals[StateT]]:
+    """Return the normal equations of the next iteration, without blocks that nothing determines.
+
+    `held` are those of the iteration before, if they will do.
+    """
     while True:
         equations, iteration = now.current.equations, len(now.records) + 1
         weights = now.weighing.factors(equations, iteration)
         if now.exchange is not None:
             weights = now.exchange.applied(weights)
+        if held is not None and held.have_weights(equations, weights):
+            return now, held.solved_again(equations, problem.layout)
         normals = solve_normals(equations, weights, problem.layout, settings.max_lost_digits, now.control.damping)
+        formed = FormedNormals(now.current, normals, weights)
         if not now.weighing.is_crowded_in(iteration, equations, weights):
-            return now, weights, normals
+            return now, formed
         scale = now.weighing.scale_in(equations, iteration)
         if now.weighing.has_begun_in(iteration):
             fits = weights if now.weighing.of_tracks else np.ones(len(weights))
@@ -205,21 +213,21 @@ def _determined(
         else:
             fewer = problem.without_undetermined_blocks(now.current.state, normals.blocks, scale)
         if fewer is None:
-            return now, weights, normals
-        del normals
+            return now, formed
+        del normals, formed
         now = replace(now, current=_linearised(problem, fewer), acceleration=Acceleration())
 
 
 def _controlled_step(
     problem: Problem[StateT],
     now: IterationState[StateT],
-    weights: FloatArray,
-    normals: SolvedNormals,
+    formed: FormedNormals[StateT],
     settings: IterationSettings,
 ) -> _Step[StateT]:
     """Move by the solution; while that fails, fit the blocks by themselves, then damp the correction more and more."""
-    before, control = now.current.equations, now.control
+    before, control, weights = now.current.equations, now.control, formed.weights
     while True:
+        normals = formed.normals
         control = control.judging(before, weights, normals)
         accelerated = (Acceleration() if control.damping else now.acceleration).step(normals, problem.layout)
         factor = problem.step_factor(accelerated.step)
@@ -232,7 +240,7 @@ def _controlled_step(
         if not control.damping:
             if _is_accepted(now, weights, normals, moved.equations, control.accepts_correction):
                 history = accelerated.history.applied(step)
-                return _Step(normals, now.current, moved, factor < 1.0, False, control.relaxed(), history)
+                return _Step(formed, now.current, moved, factor < 1.0, False, control.relaxed(), history)
             control = control.refused()
             if control.is_far(normals):
                 moved = _linearised(problem, problem.with_blocks_recomputed(moved.state))
@@ -240,11 +248,12 @@ def _controlled_step(
         accepted = _is_accepted(now, weights, normals, moved.equations, control.accepts_fitted)
         if accepted or not control.can_damp_more:
             damped = control.damping > 0.0
-            return _Step(normals, now.current, moved, True, damped, control.relaxed(), Acceleration())
+            return _Step(formed, now.current, moved, True, damped, control.relaxed(), Acceleration())
         control = control.refused().strengthened()
         # the next attempt needs their memory
-        del normals, moved
+        del normals, moved, formed
         normals = solve_normals(before, weights, problem.layout, settings.max_lost_digits, control.damping)
+        formed = FormedNormals(now.current, normals, weights)
 
 
 def _is_accepted(
@@ -285,7 +294,7 @@ def _after(
 
 
 def _record(iteration: int, step: _Step[StateT], weights: FloatArray, layout: Layout) -> IterationRecord:
-    equations, normals = step.moved.equations, step.normals
+    equations, normals = step.moved.equations, step.formed.normals
     singular = int(np.count_nonzero(normals.removed))
     effective = layout.unknowns - singular
     active, full, square_sum = sums_of_full_weight(equations, weights)
@@ -345,11 +354,6 @@ def _has_diverged(now: IterationState[StateT]) -> bool:
     return is_diverging(enps[-1 - now.control.undamped :]) or is_diverging([*enps[:1], *enps[-1:]])
 
 
-def _has_exact_constraints(equations: Equations) -> bool:
-    """Return whether equations are shifted after each iteration: corrections then depend on more than the state."""
-    return bool((equations.active & equations.exact).any())
-
-
 def _settled(
     problem: Problem[StateT], now: IterationState[StateT], normals: SolvedNormals, weights: FloatArray
 ) -> IterationState[StateT]:
@@ -393,7 +397,3 @@ def _with_all_blocks(problem: Problem[StateT], now: IterationState[StateT]) -> I
     if state is now.current.state:
         return now
     return replace(now, current=_linearised(problem, state), acceleration=Acceleration())
-
-
-def _effective(equations: Equations, weights: FloatArray) -> FloatArray:
-    return weights if equations.active.all() else set_aside(np.where(equations.active, weights, 0.0))

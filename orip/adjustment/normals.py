@@ -149,6 +149,19 @@ class SolvedNormals(Struct, frozen=True):
         reduced = self.factor.reduce(right / self.scale[:, None])
         return np.asarray(self.factor.back_substitute(reduced) / self.scale[:, None])
 
+    def with_right_side(self, right: FloatArray) -> SolvedNormals:
+        """Return the same with the correction for another right-hand side (m + 3 b,)."""
+        size = len(self.scale)
+        block_right = times_half(self.blocks.half, right[size:])
+        reduced_right = self.factor.reduce((right[:size] - self.coupling.transposed_times(block_right)) / self.scale)
+        solution = self.factor.back_substitute(reduced_right) / self.scale
+        rest = block_right - self.coupling.times(solution)
+        return replace(
+            self,
+            correction=set_aside(np.concatenate([solution, times_transposed_half(self.blocks.half, rest)])),
+            reduced_square_sum=float(reduced_right @ reduced_right + block_right @ block_right),
+        )
+
     def with_constraints(self, equations: Equations) -> SolvedNormals:
         """Return the same with the exact constraints of the equations bound."""
         rows = np.flatnonzero(equations.exact & equations.active)

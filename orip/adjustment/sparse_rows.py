@@ -73,6 +73,11 @@ class SparseRows(Struct, frozen=True):
         np.add.at(sums, block_of_row[touching], misclosure[touching] ** 2)
         return BlockNormals(diagonal_blocks(block_design), block_design.T @ misclosure, sums)
 
+    def right_side(self, root_weights: FloatArray, misclosure: FloatArray, layout: Layout) -> FloatArray:
+        """Return the right-hand side of the normal equations."""
+        del layout
+        return np.asarray(self.stored.T @ (root_weights * misclosure))
+
     def precision(
         self, factors: BlockFactors, coupling: Coupling, inverse: Symmetric, amounts: Amounts | None
     ) -> BlockPrecision:

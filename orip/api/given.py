@@ -8,7 +8,7 @@ from typing import Literal
 from msgspec import Struct
 from numpy.typing import ArrayLike
 
-from orip.records.camera import AdditionalSet, DistortionArgument, Projection
+from orip.records.camera import AdditionalSet, DistortionArgument, Projection, ReadoutDirection
 
 
 class Camera(Struct, frozen=True):
@@ -43,7 +43,9 @@ class Camera(Struct, frozen=True):
     projection : {"perspective", "equidistant"}
         Equidistant is that of fisheye lenses.
     readout : float
-        Seconds from the upper row to the lower one; needs `sensor`, and stations with times.
+        Seconds from the first row or column to the last one; needs `sensor`, and stations with times.
+    readout_direction : {"down", "up", "right", "left"}
+        In which rows, or columns of the sensor, are exposed one after the other.
     """
 
     name: str
@@ -60,6 +62,7 @@ class Camera(Struct, frozen=True):
     same_lens_as: str | None = None
     projection: Projection = "perspective"
     readout: float = 0.0
+    readout_direction: ReadoutDirection = "down"
 
 
 class Photos(Struct, frozen=True):

@@ -62,7 +62,7 @@ def read_aicon(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
     points, rays = CollectedPoints(), CollectedRays()
     datum = _add_points(files[".obc"], points, faults_of(".obc"))
     lost = _add_rays(files[".phc"], photos, points, rays, faults_of(".phc"))
-    distances = _distances(files[".scale"], faults_of(".scale")) if ".scale" in files else ()
+    distances = tuple(_distances(files[".scale"], faults_of(".scale"))) if ".scale" in files else ()
     notes = list(lost)
     if datum:
         notes.insert(
@@ -75,7 +75,7 @@ def read_aicon(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
     return Parsed(
         ExchangedProject(
             "", cameras, tuple(photos.values()), points.points(), rays.rays(), (READING,),
-            distances=tuple(distances), ground_unit="mm", precision=None, notes=tuple(notes),
+            distances=distances, ground_unit="mm", precision=None, notes=tuple(notes),
         )
     )  # fmt: skip
 

@@ -70,10 +70,10 @@ def read_pix4d(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
     photos = [replace(photo, position=_moved(photo.position, offset)) for photo in photos]
     if not photos and not complaints:
         complaints.append(Complaint("the file has no photo", shown))
+    prj = path.with_name(f"{prefix}{_CRS}")
+    crs = "\n".join(text_lines(prj, faults_of(prj))).strip() if prj.is_file() else ""
     if complaints:
         return Parsed(None, tuple(complaints))
-    prj = path.with_name(f"{prefix}{_CRS}")
-    crs = "\n".join(text_lines(prj, Faults(""))).strip() if prj.is_file() else ""
     notes = ("The folder has no measurements: only cameras and orientations are imported.", *said)
     return Parsed(
         ExchangedProject(

@@ -11,12 +11,17 @@ While an iteration lasts the motions are held; they are found again from what it
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final
+
 import numpy as np
 from msgspec import Struct
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.geometry.rotation import angles_between, rotation_about_axes, rotation_vectors_with_partials
 from orip.records.block import Block
+from orip.records.camera import ReadoutDirection, Sensor
 
 _LONGEST_PAUSE = 2.5
 """In median intervals of a strip: after a longer one the flight was another one."""
@@ -124,34 +129,45 @@ class Poses(Struct, frozen=True):
     rotations: FloatArray
 
 
+_ALONG_AXES: Final[Mapping[ReadoutDirection, tuple[float, float]]] = MappingProxyType(
+    {"down": (0.0, -1.0), "up": (0.0, 1.0), "right": (1.0, 0.0), "left": (-1.0, 0.0)}
+)
+
+
 def readout_a_mm(block: Block) -> FloatArray | None:
-    """Return the part of each camera's readout (number of cameras,) that a mm of its photos takes, downwards.
+    """Return the part of each camera's readout (number of cameras, 2) that a mm of its photos takes along x and y.
 
     It is 0 for cameras without a readout; None: no camera has one.
     """
     rolling = rolling_cameras(block)
     if not rolling.any():
         return None
-    return np.array(
-        [
-            1.0 / record.sensor.height if moves and record.sensor is not None else 0.0
-            for record, moves in zip(block.cameras, rolling, strict=True)
-        ]
-    )
+    found = np.zeros((len(rolling), 2))
+    for row in np.flatnonzero(rolling).tolist():
+        record = block.cameras[row]
+        if record.sensor is not None:
+            found[row] = part_a_mm(record.sensor, record.readout_direction)
+    return found
+
+
+def part_a_mm(sensor: Sensor, direction: ReadoutDirection) -> FloatArray:
+    """Return the part (2,) of a readout that a mm of the photo takes along x and y."""
+    return np.divide(_ALONG_AXES[direction], sensor.size)
 
 
 def rows_of_readout(a_mm: FloatArray, xy: FloatArray, camera: IntArray) -> FloatArray:
-    """Return the place (n,) of photo points in the readout, −1/2 in the upper row to 1/2.
+    """Return the place (n,) of photo points in the readout, −1/2 in the first row or column to 1/2.
 
     Parameters
     ----------
-    a_mm : array (number of cameras,)
+    a_mm : array (number of cameras, 2)
         See `readout_a_mm`.
     xy : array (n, 2)
         Photo coordinates, mm.
     camera : array (n,) of int
     """
-    return np.asarray(-xy[:, 1] * a_mm[camera])
+    along = a_mm[camera]
+    return np.asarray(xy[:, 0] * along[:, 0] + xy[:, 1] * along[:, 1])
 
 
 def poses(centres: FloatArray, rotations: FloatArray, motion: FloatArray, row: FloatArray) -> Poses:

@@ -1,4 +1,4 @@
-"""Cameras with the principal distance of another lens, with a sign that is wrong, or with a rolling shutter."""
+"""Cameras with the principal distance of another lens, or with a sign that is wrong."""
 
 from __future__ import annotations
 
@@ -14,14 +14,13 @@ from orip.errors import ProjectWarning
 from orip.geometry.projection import PROJECTIONS
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.mounting import frame_corners
-from orip.mistakes.hypothesis import Hypothesis, Readjuster, finding
+from orip.mistakes.hypothesis import Hypothesis, finding
 from orip.mistakes.other_units import millimetres_per_unit
 from orip.records.block import Block
 from orip.records.camera import CAMERA_PARAMETERS, READOUT, Camera
 from orip.structs import replace
 
 if TYPE_CHECKING:
-    from orip.bundle.groups.held_cameras import ReadoutTest
     from orip.bundle.solve import SolvedBlock
 
 _LONGEST = 20.0
@@ -278,99 +277,3 @@ def _of_given_points(block: Block, camera: int) -> tuple[IntArray, FloatArray]:
     full: BoolArray = np.asarray(np.isfinite(known).all(axis=1))
     rows = np.flatnonzero(full[points.point] & (block.photo_camera[points.photo] == camera) & points.in_use)
     return rows, block.ground.to_local(known[points.point[rows]])
-
-
-# A camera whose rows are exposed one after the other lacks a value, its readout time; or one is given that is wrong.
-
-ROLLING_SHUTTER, READOUT_TIME = "rolling-shutter", "readout"
-OF_READOUT_TIMES = "the readout of a camera is another than is given"
-"""What the status says of a block with a readout that is wrong."""
-
-_SIGNIFICANT = 4.4
-"""Normal deviate of an error probability of 1e-5: the residuals of a real block are not quite normal."""
-
-_MATERIAL = 0.01
-"""Mean square that the motion leaves in the residuals, in a-priori variances, from which it counts."""
-
-_EXPLAINS = 0.25
-"""Part of the misfit beyond the a-priori errors that it explains at least."""
-
-_GLOBAL = 3.0
-"""Standard deviations within which a readout time is that of a shutter that exposes all rows at once."""
-
-_SLOWEST = 1.0
-"""Seconds: no sensor that takes photos from the air reads out as slowly as that."""
-
-_MOST_PHOTO_POINTS = 200_000
-"""Most photo points that are linearised once more for this."""
-
-
-def rolling_shutters(solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
-    """Return the cameras that show another readout time than is held, with its size; none without times of stations.
-
-    It is tried as an unknown before it is advised; where that is not possible, or fails, its size is that of the test.
-    """
-    from orip.bundle.groups.held_cameras import readout_test
-    from orip.bundle.known_motions import known_motions
-
-    block = solved.block
-    if len(block.photo_points.photo) > _MOST_PHOTO_POINTS:
-        return []
-    state = solved.state
-    motion = known_motions(block).at(state.centres, state.rotations, state.antennas)
-    if not motion.any():
-        return []
-    excess = max(solved.variance.sigma0**2 - 1.0, 0.0) if np.isfinite(solved.variance.sigma0) else 0.0
-    found = []
-    for row, camera in enumerate(block.cameras):
-        if camera.sensor is None or "READOUT" in camera.unknown:
-            continue
-        test, given = readout_test(solved, row, motion), camera.parameters[READOUT]
-        least = max(_MATERIAL, _EXPLAINS * excess) * test.number
-        if abs(test.readout - given) > _SIGNIFICANT * test.sd and test.fall > least and abs(test.readout) < _SLOWEST:
-            test = _with_readout(readjuster, camera, test) or test
-            code, text = (READOUT_TIME, _misgiven(test, given)) if given else (ROLLING_SHUTTER, _rolling(test))
-            found.append(ProjectWarning(code, f"camera {camera.name}", text))
-    return found
-
-
-def _with_readout(readjuster: Readjuster, camera: Camera, test: ReadoutTest) -> ReadoutTest | None:
-    """Return the readout time as an unknown, with what else the test says; None where that is not adjusted."""
-    if not readjuster.is_small:
-        return None
-    places = [row for row, other in enumerate(readjuster.block.cameras) if other.name == camera.name]
-    tried = readjuster.adjust(with_unknown(readjuster.block, places[0], "READOUT")) if places else None
-    if tried is None or not tried.converged:
-        return None
-    row = [other.name for other in tried.block.cameras].index(camera.name)
-    column = int(tried.problem.unknowns.cameras[row, READOUT])
-    readout = float(tried.state.cameras[row, READOUT])
-    sd = tried.deviation_scale * float(np.sqrt(tried.cofactors.reduced[column, column]))
-    off, of_test = (value - camera.parameters[READOUT] for value in (readout, test.readout))
-    if tried.normals.removed[column] or abs(off) < _SIGNIFICANT * sd:
-        return None
-    return test._replace(readout=readout, sd=sd, pixels=test.pixels * abs(off / of_test))
-
-
-def _rolling(test: ReadoutTest) -> str:
-    first = "upper" if test.readout > 0.0 else "lower"
-    return (
-        "residuals along the flight depend on the row, as those of a rolling shutter that takes "
-        f"{1e3 * abs(test.readout):.1f} ± {1e3 * test.sd:.1g} ms from the first row to the last one ({first} row "
-        f"first); meanwhile the image moves by {test.pixels:.1f} pixels, and points and the principal distance may be "
-        f'off; write readout = {test.readout:.3f} and unknown = [..., "READOUT"] in its [[camera]], which models it'
-    )
-
-
-def _misgiven(test: ReadoutTest, given: float) -> str:
-    is_global = abs(test.readout) < _GLOBAL * test.sd
-    remedy = (
-        "take it out of its [[camera]]: its shutter exposes all rows at once"
-        if is_global
-        else f'write readout = {test.readout:.3f} and unknown = [..., "READOUT"] in its [[camera]]'
-    )
-    return (
-        f"readout = {given:g} does not fit the photos, {test.readout:.4f} ± {test.sd:.1g} s does: residuals along the "
-        f"flight depend on the row; the images are off by {test.pixels:.1f} pixels, and points, stations and the "
-        f"principal distance may be, too; {remedy}"
-    )

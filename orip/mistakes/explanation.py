@@ -16,7 +16,7 @@ from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
 from orip.geometry.rotation import angles_between, rotation_from_angles
-from orip.mistakes.camera_values import far_from_given, rolling_shutters
+from orip.mistakes.camera_values import far_from_given
 from orip.mistakes.contradicting_rigs import contradicting_rigs
 from orip.mistakes.control.check_points import contradicting_check_points, control_in_another_height_system
 from orip.mistakes.control.contradicting_control import contradicting_control, without_control
@@ -67,6 +67,7 @@ from orip.mistakes.stations.misread_antennas import misread_antennas
 from orip.mistakes.stations.misread_pictures import pictures_instead_of_positions
 from orip.mistakes.stations.misread_positions import HEIGHTS, misread_stations
 from orip.mistakes.stations.off_alike import all_off_alike, one_strip_off
+from orip.mistakes.stations.rolling_shutters import rolling_shutters
 from orip.mistakes.stations.two_lenses import two_lenses, two_lenses_of_photos
 from orip.mistakes.vertical_photos import misread_vertical_photos
 from orip.records.block import Block

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.geometry.rays import TwoPhotos
+from orip.geometry.essential import TwoPhotos
 from orip.prelim.rays import ImageRays, photo_index
 from orip.prelim.relative.given_scale import PairAtScale, adjusted_at_scale, at_scale
 from orip.prelim.relative.orientation import common_point_counts

@@ -28,7 +28,7 @@ DISTORTION_PARAMETERS = CAMERA_PARAMETERS[3:12]
 """Coefficients of the distortion."""
 
 READOUT = CAMERA_PARAMETERS.index("READOUT")
-"""Place of the readout time: seconds from the upper row to the lower one, negative where the lower row is first."""
+"""Place of the readout time: seconds from the first row or column to the last one, negative in the other order."""
 
 CAMERA_UNITS: Final[Mapping[str, str]] = MappingProxyType(
     {
@@ -51,6 +51,7 @@ CAMERA_UNITS: Final[Mapping[str, str]] = MappingProxyType(
 
 DistortionArgument = Literal["ideal", "measured"]
 Projection = Literal["perspective", "equidistant"]
+ReadoutDirection = Literal["down", "up", "right", "left"]
 AdditionalSet = Literal["EBNER", "GRUEN"]
 
 
@@ -127,6 +128,8 @@ class Camera(Struct, frozen=True):
         Camera whose principal distance and distortion this one has: both are adjusted together.
     projection : {"perspective", "equidistant"}
         What the ideal coordinates are; equidistant are those of fisheye lenses.
+    readout_direction : {"down", "up", "right", "left"}
+        In which rows, or columns of the sensor, are exposed one after the other.
     """
 
     name: Annotated[str, Field(example='"OLYMPUS"')]
@@ -164,6 +167,9 @@ class Camera(Struct, frozen=True):
     projection: Annotated[
         Projection, Field(example='"equidistant"', key_after="same_lens_as", column_after="distortion_at")
     ] = "perspective"
+    readout_direction: Annotated[
+        ReadoutDirection, Field(example='"right"', key_after="parameters", column_after="projection")
+    ] = "down"
 
     @property
     def is_rolling(self) -> bool:

@@ -16,8 +16,6 @@ from orip.mistakes.camera_values import (
     FAR_FROM_GIVEN,
     NOT_SQUARE,
     OTHER_LENS,
-    READOUT_TIME,
-    ROLLING_SHUTTER,
 )
 from orip.mistakes.control.check_points import HEIGHT_SYSTEM
 from orip.mistakes.control.contradicting_control import CODE as CONTROL
@@ -40,6 +38,7 @@ from orip.mistakes.stations.misread_angles import CODE as ANGLES
 from orip.mistakes.stations.misread_antennas import SHORT_TEXTS_OF_ANTENNAS
 from orip.mistakes.stations.misread_pictures import OF_PICTURES
 from orip.mistakes.stations.misread_positions import HEIGHT_OFFSET, SHORT_TEXTS_OF_STATIONS
+from orip.mistakes.stations.rolling_shutters import READOUT_TIME, ROLLING_SHUTTER
 from orip.mistakes.stations.strips import MOVED
 from orip.mistakes.stations.two_lenses import TWO_LENSES
 from orip.mistakes.two_systems import SHORT_TEXTS_OF_SYSTEMS

@@ -8,7 +8,6 @@ from orip.bundle.groups.words import CODE as CONTRADICTION
 from orip.bundle.groups.words import EXPLAINED
 from orip.bundle.verdict import MISTAKE
 from orip.errors import UNREAD_FILE, ProjectWarning
-from orip.mistakes.camera_values import OF_READOUT_TIMES, READOUT_TIME
 from orip.mistakes.control.check_points import HEIGHT_SYSTEM, OF_HEIGHT_SYSTEMS
 from orip.mistakes.control.contradicting_distances import DISTANCE_UNIT, OF_DISTANCE_UNITS
 from orip.mistakes.control.free_network import DISTANCE_AXES, FREE_DATUM
@@ -24,6 +23,7 @@ from orip.mistakes.stations.misread_angles import CODE as ANGLES
 from orip.mistakes.stations.misread_angles import OF_ANGLES
 from orip.mistakes.stations.misread_antennas import SHORT_TEXTS_OF_ANTENNAS
 from orip.mistakes.stations.misread_positions import SHORT_TEXTS_OF_STATIONS
+from orip.mistakes.stations.rolling_shutters import OF_READOUT_TIMES, READOUT_TIME
 from orip.mistakes.stations.two_lenses import OF_TWO_LENSES, TWO_LENSES
 from orip.mistakes.two_systems import GROUND_SYSTEM, IN_DEGREES, SHORT_TEXTS_OF_SYSTEMS
 from orip.mistakes.vertical_photos import SHORT_TEXTS_OF_VERTICAL_PHOTOS

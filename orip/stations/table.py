@@ -15,7 +15,16 @@ from msgspec import Struct, field
 from orip.arrays import FloatArray
 from orip.errors import Complaint
 from orip.files.text.decimal_numbers import parse_number
-from orip.files.text.lines import read_bytes
+from orip.files.text.lines import foreign_text, has_zeros, read_bytes
+from orip.files.text.separated import (
+    DEGREES,
+    EXTRA_FIELDS,
+    METRES,
+    fields_of_line,
+    has_decimal_commas,
+    separator_of,
+    unit_of,
+)
 from orip.files.text.shown import Parsed, printable, shown_token
 from orip.records.epochs import SECONDS_PER_WEEK, Epochs, Mount, Quality, epochs, seconds_of_date
 from orip.records.names import name_fault
@@ -75,24 +84,15 @@ _GZIP, _LOOKED_AT = b"\x1f\x8b", 4096
 
 
 def text_rows(path: Path, reader: RowReader, separators: str = r"\s") -> Iterator[Row]:
-    """Iterate over the lines of a file that have fields, comments included.
-
-    Bytes that are not UTF-8 are replaced: they stand in paths and comments alone.
-    """
+    """Iterate over the lines of a file that have fields, comments included."""
     data, complaints = read_bytes(path, reader.shown)
     reader.complaints += complaints
-    if data is not None and (data.startswith(_GZIP) or b"\x00" in data[:_LOOKED_AT]):
+    if data is not None and (data.startswith(_GZIP) or has_zeros(data[:_LOOKED_AT])):
         reader.complaints.append(Complaint("this is no text; unpack it, or give the file that is meant", reader.shown))
         return
-    yield from rows_of(data or b"", separators)
-
-
-def rows_of(data: bytes, separators: str = r"\s") -> Iterator[Row]:
-    """Iterate over the rows of a text."""
     pattern = re.compile(rf"[^{separators}]+")
-    text = data.removeprefix(b"\xef\xbb\xbf").decode("utf-8", errors="replace")
-    for number, line in enumerate(text.split("\n"), start=1):
-        found = [(match[0], match.start() + 1) for match in pattern.finditer(line.rstrip("\r"))]
+    for number, line in enumerate(foreign_text(data or b"").split("\n"), start=1):
+        found = [(match[0], match.start() + 1) for match in pattern.finditer(line)]
         if found:
             yield Row(number, tuple(word for word, _ in found), tuple(column for _, column in found))
 
@@ -124,7 +124,8 @@ HEADINGS: Final[Mapping[str, str]] = MappingProxyType(
 _QUALITY: Mapping[str, Quality] = {
     "1": "fixed", "fix": "fixed", "fixed": "fixed", "50": "fixed", "2": "float", "float": "float", "34": "float",
 }  # fmt: skip
-_SEPARATORS = {",": ",", ";": ";", "\t": "\t"}
+_ERRORS = {"aX", "aY", "aZ"}
+_NOT_KNOWN = {"", "-"}
 
 
 def read_station_table(path: Path, shown: str, columns: Mapping[str, str] | None = None) -> Parsed[Epochs]:
@@ -139,34 +140,69 @@ def read_station_table(path: Path, shown: str, columns: Mapping[str, str] | None
     """
     data, complaints = read_bytes(path, shown)
     reader = RowReader(shown, list(complaints))
-    rows = [row for row in rows_of(data or b"", _separators(data or b"")) if row.fields[0][0] not in "!%"]
+    separator, rows = _table_rows(data or b"")
     if not rows:
         if not reader.complaints:
             reader.complaints.append(Complaint("the table is empty; it needs a heading and rows", shown))
         return Parsed(epochs(shown, np.zeros(0, dtype=np.int64)), tuple(reader.complaints))
-    places = _columns(reader, rows[0], columns or {})
+    heading, width = rows[0], len(rows[0].fields)
+    places = _columns(reader, heading, columns or {})
     records = []
     for row in rows[1:]:
         if reader.is_full or not places:
             break
-        if len(row.fields) < len(rows[0].fields):
-            reader.complain(f"a field is missing, {len(row.fields)} found; the heading has {len(rows[0].fields)}", row)
-            continue
-        records.append(row)
-    return Parsed(_epochs(reader, records, places, rows[0]), tuple(reader.complaints))
+        if len(row.fields) < width:
+            reader.complain(f"a field is missing, {len(row.fields)} found; the heading has {width}", row)
+        elif separator == "," and any(row.fields[width:]):
+            reader.complain(f"{len(row.fields)} fields, and the heading has {width}{EXTRA_FIELDS}", row)
+        else:
+            records.append(row)
+    if separator != "," and has_decimal_commas(word for row in records for word in row.fields):
+        records = [Row(row.number, tuple(_with_point(word) for word in row.fields), row.column) for row in records]
+    return Parsed(_epochs(reader, records, places, heading), tuple(reader.complaints))
 
 
-def _separators(data: bytes) -> str:
-    """Return the separators of a table by those of its heading; blanks around them do not count."""
-    heading = next((line for line in data.decode("utf-8", errors="replace").splitlines() if line.strip()), "")
-    mark = next((mark for mark in _SEPARATORS if mark in heading), None)
-    return r"\s" if mark is None else mark
+def _with_point(word: str) -> str:
+    return word.replace(",", ".") if has_decimal_commas([word]) else word
+
+
+def _table_rows(data: bytes) -> tuple[str | None, list[Row]]:
+    """Return what separates the fields of a table, and its rows with the heading as first; comments are left out."""
+    lines = [
+        (number, line)
+        for number, line in enumerate(foreign_text(data).split("\n"), start=1)
+        if line.strip() and line.lstrip()[0] not in "!%"
+    ]
+    while lines and lines[0][1].lstrip().startswith("#") and not _is_heading(lines[0][1]):
+        del lines[0]
+    separator = separator_of(lines[0][1]) if lines else None
+    kept = (pair for place, pair in enumerate(lines) if place == 0 or not pair[1].lstrip().startswith("#"))
+    return separator, [_row(number, line, separator) for number, line in kept]
+
+
+def _row(number: int, line: str, separator: str | None) -> Row:
+    """Return the fields of a line, those that are empty too, with their columns."""
+    fields = fields_of_line(line, separator)
+    written = re.finditer(r"\S+" if separator is None else rf"(?:^|{separator})\s*()", line)
+    columns = [match.end(1) + 1 if separator else match.start() + 1 for match in written]
+    return Row(number, tuple(fields), tuple(columns))
+
+
+def _is_heading(line: str) -> bool:
+    """Return whether a line that begins as a comment names columns."""
+    known = " ".join(HEADINGS.values()).split()
+    return len(set(_plain(fields_of_line(line, separator_of(line)))) & set(known)) > 1
+
+
+def _plain(headings: Sequence[str]) -> list[str]:
+    """Return headings in small letters, without units."""
+    return [re.sub(r"\(.*?\)|\[.*?\]|[^a-z0-9]", "", heading.lower()) for heading in headings]
 
 
 def _columns(reader: RowReader, heading: Row, wanted: Mapping[str, str]) -> dict[str, int]:
     """Return the columns by key."""
-    written = [field.strip().strip('"') for field in heading.fields]
-    plain = [re.sub(r"\(.*?\)|\[.*?\]|[^a-z0-9]", "", field.lower()) for field in written]
+    written = heading.fields
+    plain = _plain(written)
     found: dict[str, int] = {}
     for key, names in HEADINGS.items():
         if key in wanted:
@@ -209,7 +245,11 @@ def _epochs(reader: RowReader, rows: Sequence[Row], places: Mapping[str, int], h
     def column(key: str, least: float = -math.inf, largest: float = math.inf) -> FloatArray:
         if key not in places:
             return np.full(count, np.nan)
-        return np.array([_number(reader, row, places[key], least, largest) for row in rows], dtype=np.float64)
+        numbers = [_number(reader, row, places[key], least, largest) for row in rows]
+        return _scale(key, unit(key), unit("Z"), is_geographic=is_geographic) * np.array(numbers, dtype=np.float64)
+
+    def unit(key: str) -> str:
+        return unit_of(heading.fields[places[key]]) if key in places else ""
 
     def triple(*keys: str, limit: float = math.inf) -> FloatArray:
         return np.column_stack([column(key, -limit, limit) for key in keys]).reshape(count, 3)
@@ -222,6 +262,10 @@ def _epochs(reader: RowReader, rows: Sequence[Row], places: Mapping[str, int], h
         place = place * [RADIANS_PER_DEGREE, RADIANS_PER_DEGREE, 1.0]
     else:
         place = triple("X", "Y", "Z", limit=LARGEST_PLACE)
+    if not reader.complaints:
+        for row, missing in zip(rows, np.isnan(place), strict=True):
+            if 0 < np.count_nonzero(missing) < len(missing):
+                reader.complain("a coordinate is missing; write all three, or none", row)
     errors = triple("aX", "aY", "aZ", limit=1e6)
     mount: Mount = "photo" if "omega" in places else "body"
     angles = triple("omega", "phi", "kappa") if mount == "photo" else triple("roll", "pitch", "heading")
@@ -238,18 +282,30 @@ def _epochs(reader: RowReader, rows: Sequence[Row], places: Mapping[str, int], h
         quality=tuple(_quality(row, places) for row in rows),
         angles=angles * RADIANS_PER_DEGREE,
         mount=mount,
-        strip=tuple(row.fields[places["strip"]].strip() if "strip" in places else "" for row in rows),
+        strip=tuple(row.fields[places["strip"]] if "strip" in places else "" for row in rows),
     )
 
 
+def _scale(key: str, unit: str, of_height: str, *, is_geographic: bool) -> float:
+    """Return what numbers of a column are multiplied by: angles become degrees, heights above an ellipsoid metres.
+
+    Errors whose unit is named become those of the coordinates.
+    """
+    if key in _ERRORS:
+        of_place = METRES.get(of_height, 1.0) if unit and not is_geographic else 1.0
+        return METRES.get(unit, 1.0) / of_place
+    if is_geographic and key == "Z":
+        return METRES.get(unit, 1.0)
+    return DEGREES.get(unit, 1.0)
+
+
 def _number(reader: RowReader, row: Row, index: int, least: float, largest: float) -> float:
-    stripped = Row(row.number, tuple(field.strip().strip('"') for field in row.fields), row.column)
-    return reader.number(stripped, index, least, largest) if stripped.fields[index] else math.nan
+    return math.nan if row.fields[index] in _NOT_KNOWN else reader.number(row, index, least, largest)
 
 
 def _name(reader: RowReader, row: Row, index: int) -> str:
     """Return the name of a photo: that of its file without folder and ending."""
-    written = re.split(r"[/\\]", row.fields[index].strip().strip('"'))[-1]
+    written = re.split(r"[/\\]", row.fields[index])[-1]
     name = re.sub(r"\.(?:jpe?g|tiff?|png|dng|raw|arw|cr2|nef)$", "", written, flags=re.IGNORECASE)
     if fault := name_fault(name):
         reader.complain(fault, row, index)
@@ -257,7 +313,9 @@ def _name(reader: RowReader, row: Row, index: int) -> str:
 
 
 def _time(reader: RowReader, row: Row, index: int) -> float:
-    written = row.fields[index].strip().strip('"')
+    written = row.fields[index]
+    if written in _NOT_KNOWN:
+        return math.nan
     dated = re.fullmatch(r"(\d{4}[-/:]\d{1,2}[-/:]\d{1,2})[T ]\s*(\d{1,2}:\d{2}:\d{2}(?:\.\d{1,9})?)Z?", written)
     if dated is None:
         return reader.number(Row(row.number, (written,), row.column[index : index + 1]), 0, 0.0, 1e12)
@@ -271,4 +329,4 @@ def _time(reader: RowReader, row: Row, index: int) -> float:
 def _quality(row: Row, places: Mapping[str, int]) -> Quality:
     if "quality" not in places:
         return ""
-    return _QUALITY.get(row.fields[places["quality"]].strip().strip('"').lower(), "code")
+    return _QUALITY.get(row.fields[places["quality"]].lower(), "code")

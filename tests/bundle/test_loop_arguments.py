@@ -26,7 +26,9 @@ OWN = 17
 """Where the arguments begin that each loop has for itself: orip/bundle/compiled/module.c."""
 OF_CAMERA, OF_PHOTO, OF_POINT, ORDER, START, BLOCK_NUMBER, GROUP_START, RUNS_START, RUNS = range(3, 12)
 """Arguments of a layout."""
-FUNCTIONS = ("layout", "turns", "residuals", "points", "eliminate", "movements", "precision", "forward", "backward")
+FUNCTIONS = (
+    "layout", "turns", "residuals", "points", "right", "eliminate", "movements", "precision", "forward", "backward",
+)  # fmt: skip
 MAX_LOST = 12.0
 
 
@@ -44,6 +46,7 @@ def everything(block: Block) -> None:
     equations = problem.linearise(state)
     weights = np.ones(len(equations.residual))
     equations.rows.block_normals(weights, -equations.residual, problem.layout)
+    equations.rows.right_side(weights, -equations.residual, problem.layout)
     normals = solve_normals(equations, weights, problem.layout, MAX_LOST)
     normals.solve(np.ones((problem.layout.size, 1)))
     cofactors(equations, normals, problem.inner_constraints(state))

@@ -24,7 +24,7 @@ from orip.bundle.solve import solve_block
 from orip.bundle.starting_state import starting_state
 from orip.bundle.unknowns import CONSTANT
 from orip.records.block import Block, IndexedPhotoPoints
-from orip.records.camera import CAMERA_PARAMETERS, AdditionalSet, Sensor
+from orip.records.camera import CAMERA_PARAMETERS, AdditionalSet, ReadoutDirection, Sensor
 from orip.records.control import ControlDistance
 from orip.structs import replace
 
@@ -139,13 +139,14 @@ def fisheye_with_set(name: AdditionalSet, distortion_at: str) -> Block:
     return replace(block, cameras=(replace(block.cameras[0], additional_set=name, frame=FRAME, unknown=()),))
 
 
-def rolling(block: Block) -> Block:
-    """Return a block whose first camera exposes its rows one after the other."""
+def rolling(block: Block, direction: ReadoutDirection = "down") -> Block:
+    """Return a block whose first camera exposes its rows, or columns, one after the other."""
     first = block.cameras[0]
     sensor = Sensor(3600, 2400, *FRAME)
     moving = replace(
-        first, parameters=(*first.parameters[:-1], -0.03), sensor=sensor, unknown=(*first.unknown, "READOUT")
-    )
+        first, parameters=(*first.parameters[:-1], -0.03), sensor=sensor, unknown=(*first.unknown, "READOUT"),
+        readout_direction=direction,
+    )  # fmt: skip
     return replace(block, cameras=(moving, *block.cameras[1:]))
 
 
@@ -174,6 +175,8 @@ BLOCKS = {
         replace(self_calibrated("ideal"), definition=replace(self_calibrated("ideal").definition, datum="free"))
     ),
     "rolling": lambda: rolling(two_cameras()),
+    "rolling to the right": lambda: rolling(two_cameras(), "right"),
+    "rolling to the left with sets": lambda: rolling(two_cameras_with_sets(), "left"),
     "rolling with sets": lambda: rolling(two_cameras_with_sets()),
     "rolling fisheye": lambda: rolling(self_calibrated("measured", "room")),
     "rolling with held elements": lambda: rolling(held_elements()),
@@ -236,6 +239,7 @@ def test_residuals(block):
 COMPARED = {
     "residuals": "test_residuals",
     "points": "test_normal_equations_of_points_alone, test_partials_of_single_photo_coordinates",
+    "right": "test_right_hand_side_with_nothing_eliminated",
     "eliminate": "test_normal_equations_with_eliminated_points, test_partials_of_single_photo_coordinates",
     "movements": "test_sums_of_movements",
     "precision": "test_solution_and_precision",
@@ -309,6 +313,15 @@ def test_normal_equations_of_points_alone(block):
     seen = free.any(axis=1)
     assert np.allclose(found.square_sums[seen], wanted.square_sums[seen], rtol=RELATIVE)
     assert wanted.square_sums[seen].all()
+
+
+def test_right_hand_side_with_nothing_eliminated(block):
+    layout, streamed, stored = both_ways(block)
+    root = np.sqrt(weights_of(stored) * stored.active)
+    misclosure = -root * np.where(stored.active, stored.residual, 0.0)
+    found, wanted = (version.rows.right_side(root, misclosure, layout) for version in (streamed, stored))
+    size = np.sqrt(stored.design.power(2).sum(axis=0)) * np.linalg.norm(misclosure)
+    assert (np.abs(found - wanted)[~layout.fixed] <= RELATIVE * size[~layout.fixed]).all()
 
 
 def test_solution_and_precision(block):

@@ -115,6 +115,15 @@ def test_aicon_reads_a_block_as_it_was_written(tmp_path: Path) -> None:
     assert "1 point;" in project.notes[0]
 
 
+def test_scale_bars_that_are_wrong_are_said(tmp_path: Path) -> None:
+    folder = aicon_files(tmp_path, block(aicon.READING))
+    written(folder / "net.scale", '1 "bar one" 3 5 100,25 0.02 1\n1 "bar two" 3\n')
+    assert [(one.path, one.line) for one in aicon.read_aicon(folder, "A").complaints] == [
+        ("A/net.scale", 1),
+        ("A/net.scale", 2),
+    ]
+
+
 def pix4d_files(folder: Path, project: ExchangedProject) -> Path:
     lines = ["fileName imageWidth imageHeight", "camera model m = K [R|-Rt] X", ""]
     for photo in project.photos:

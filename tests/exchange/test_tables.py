@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
@@ -55,6 +56,13 @@ def test_decimal_commas_between_commas_are_refused(tmp_path: Path) -> None:
     (complaint,) = read_tables(tmp_path, "t").complaints
     assert "7 fields, and the heading has 4; with decimal commas the separator has to be a semicolon" in str(complaint)
     assert str(complaint).startswith("t/control.csv:2")
+
+
+def test_angles_are_in_the_unit_of_their_heading(tmp_path: Path) -> None:
+    folder = tables_of(tmp_path, block(READING))
+    written(folder / "photos.csv", "photo,camera,X0,Y0,Z0,OMEGA [gon],PHI (rad),KAPPA\n0.jpg,K1,1,2,3,100,0.5,30\n")
+    angles = read_well(read_tables, folder).photos[0].rotation
+    assert angles == pytest.approx((90.0, math.degrees(0.5), 30.0))
 
 
 def test_control_with_what_is_not_known_and_check_points(tmp_path: Path) -> None:

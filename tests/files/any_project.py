@@ -61,6 +61,7 @@ def cameras(draw: Any, name: str) -> Camera:
         unknown=draw(some_of(CAMERA_PARAMETERS[:12])),
         additional_set=draw(some(st.sampled_from(["EBNER", "GRUEN"]))),
         projection=draw(st.sampled_from(["perspective", "equidistant"])),
+        readout_direction=draw(st.sampled_from(["down", "up", "right", "left"])),
     )
     if draw(st.booleans()):
         sizes = st.integers(1, 100_000)

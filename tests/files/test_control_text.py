@@ -214,6 +214,13 @@ def test_coefficients_of_correlation_may_follow_the_errors(tmp_path: Path) -> No
     assert parse(parse_points, tmp_path, points_text(parsed.value)).value == parsed.value
 
 
+def test_coordinates_before_coefficients_are_no_names_with_blanks(tmp_path: Path) -> None:
+    lines = [f"CP{number} 1 2 3 .1 .2 .3 .5 -.2 .1\n" for number in range(1, 5)]
+    parsed = parse(parse_points, tmp_path, "".join(lines))
+    assert not parsed.complaints
+    assert [point.name for point in parsed.value] == [f"CP{number}" for number in range(1, 5)]
+
+
 @pytest.mark.parametrize(
     ("line", "words"),
     [

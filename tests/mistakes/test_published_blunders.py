@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import pytest
 from mistakes.planted.blunders import KINDS, judged, planted_in, said_of, sound_block
 from mistakes.planted.published import PUBLISHED
@@ -26,13 +28,18 @@ NAMED = [
 ]
 
 
+@cache
+def said_of_sound(block_name: str) -> list[str]:
+    sound, _ = sound_block(block_name)
+    return said_of(sound)
+
+
 @pytest.mark.parametrize(("block_name", "kind", "place"), NAMED)
 def test_a_blunder_in_a_published_block_is_named_first(block_name: str, kind: str, place: int) -> None:
     sound, _ = sound_block(block_name)
     block, truth = planted_in(sound, block_name, kind, place)
     assert truth is not None
-    known = said_of(sound)
-    said = [line for line in said_of(block) if line not in known]
+    said = [line for line in said_of(block) if line not in said_of_sound(block_name)]
     assert judged(said, truth, KINDS[kind].subjects) == "named", said[:2]
 
 
@@ -41,8 +48,7 @@ def test_a_blunder_in_a_published_block_is_named_first(block_name: str, kind: st
     [pytest.param(name, marks=pytest.mark.long if name == "zurich constant" else ()) for name in PUBLISHED],
 )
 def test_of_published_blocks_as_they_are_nothing_is_accused(block_name: str) -> None:
-    sound, _ = sound_block(block_name)
-    assert [line for line in said_of(sound) if not line.endswith("misfits")] == []
+    assert [line for line in said_of_sound(block_name) if not line.endswith("misfits")] == []
 
 
 def test_a_control_point_whose_exchange_is_named_is_not_accused_by_a_group() -> None:

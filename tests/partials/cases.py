@@ -27,12 +27,13 @@ from orip.bundle.starting_state import starting_state
 from orip.bundle.state import BlockState, PlacedFigures
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns
 from orip.geometry.equidistant import equidistant_with_partials
+from orip.geometry.essential import TwoPhotos, relative_poses_with_partials
 from orip.geometry.ground_frame import GroundFrame, ground_frame
 from orip.geometry.height_grid import _weights
 from orip.geometry.perspective import perspective_with_partials
 from orip.geometry.projection import projected_with_partials
-from orip.geometry.rays import TwoPhotos, relative_poses_with_partials
-from orip.geometry.rolling_shutter import Motion, moving_image_with_partials, photos_with_partials
+from orip.geometry.rig import photos_with_partials
+from orip.geometry.rolling_shutter import Motion, moving_image_with_partials
 from orip.geometry.rotation import (
     angle_rates_from_axes_rotation,
     angles_from_rotation,
@@ -57,7 +58,7 @@ from orip.interior.image_coordinates import SetValues, image_residuals_with_part
 from orip.multimodel.photo_loop import camera_model
 from orip.prelim.relative.solution import Pairs
 from orip.records.block import Block, TheodoliteSet
-from orip.records.camera import CAMERA_PARAMETERS, Sensor
+from orip.records.camera import CAMERA_PARAMETERS, ReadoutDirection, Sensor
 from orip.records.control import (
     NOT_GIVEN,
     ControlDirection,
@@ -545,9 +546,13 @@ def blocks() -> dict[str, Block]:
         )
     }
     rolling = {
-        f"rolling {label}": _rolling(block)
-        for label, block in {**plain, **fisheyes, **with_set}.items()
-        if label in {"strip, ideal", "convergent, measured", "room, ideal", "convergent, ideal, EBNER"}
+        f"rolling {label}, {direction}": _rolling({**plain, **fisheyes, **with_set}[label], direction)
+        for label, direction in (
+            ("strip, ideal", "down"),
+            ("convergent, measured", "right"),
+            ("room, ideal", "left"),
+            ("convergent, ideal, EBNER", "up"),
+        )
     }
     same_lens = {f"same lens, {argument}": with_two_frames(plain[f"convergent, {argument}"]) for argument in _ARGUMENTS}
     strip = _in_a_crs(plain["strip, ideal"])
@@ -642,7 +647,7 @@ def _with_set(block: Block, name: str) -> Block:
     return replace(block, cameras=(camera,), held_additional=frozenset([held]))
 
 
-def _rolling(block: Block) -> Block:
+def _rolling(block: Block, direction: ReadoutDirection) -> Block:
     """Return a block of a rolling shutter, with unknown readout and motions."""
     camera, photo = block.cameras[0], block.photos[0].name
     said = StationMotion((8.0, 1.0, -2.0), (0.1, 0.2, 0.1), (0.1, -0.2, 0.1), (0.01, 0.02, 0.01))
@@ -656,7 +661,7 @@ def _rolling(block: Block) -> Block:
         cameras=(
             replace(
                 camera, parameters=(*camera.parameters[:-1], 0.05), sensor=Sensor(3000, 2000, 1.5 * height, height),
-                unknown=(*camera.unknown, "READOUT"),
+                unknown=(*camera.unknown, "READOUT"), readout_direction=direction,
             ),
         ),
     )  # fmt: skip

@@ -104,7 +104,8 @@ def photograph(
     j = (np.arange(shape[0]) + 0.5) / times
     x, y = (plane(j, i) for plane in _smooth_map(camera, station))
     dx, dy = ((random.random(shape) - 0.5) / times for _ in "xy")
-    x, y = (a + dx * np.gradient(a, i, axis=1) + dy * np.gradient(a, j, axis=0) for a in (x, y))
+    step = 1.0 / times
+    x, y = (a + dx * np.gradient(a, step, axis=1) + dy * np.gradient(a, step, axis=0) for a in (x, y))
     # edges of the drawing get a width of a few samples: no sampling noise beyond that which is asked for
     smooth = cv2.GaussianBlur(field, (0, 0), 1.0)
     column, row = (((a + margin) * PER_MM - 0.5).astype(np.float32) for a in (x, y))

@@ -11,6 +11,7 @@ from cli.command_line import orip
 from pictures.sheet_project import RINGS, published_marks, sheet_coordinates, write_project
 from reference.olympus_camera import as_reported
 from reference.published_data import REFERENCE_DATA, data_set, read_report
+from support.long_cases import every
 from workflow.quiet import run_quietly
 
 from orip.images.image_files import read_colours
@@ -29,7 +30,7 @@ def differences(picture: Path) -> tuple[dict[str, np.ndarray], set[str]]:
     return {name: own[name] - theirs[name] for name in own if name in theirs}, set(theirs) - set(own)
 
 
-@pytest.mark.parametrize("number", [22, 30, 32])
+@pytest.mark.parametrize("number", every(3, [22, 30, 32]))
 def test_dots_of_single_pictures(number: int) -> None:
     """A frontal one, one that cuts the sheet, and one with reflections on it."""
     data_set("pictures")

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from orip.records.block import Block, IndexedPhotoPoints
-from orip.records.camera import Camera, Sensor
+from orip.records.camera import Camera, ReadoutDirection, Sensor
 from orip.records.control import NOT_GIVEN, ControlPoint, Station, StationMotion
 from orip.records.definition import BundleDefinition, Precision
 from orip.records.photo import Photo
@@ -30,6 +30,9 @@ class Swing(NamedTuple):
     amplitude: float
     intervals: float
 
+
+ALONG = {"down": (0.0, -1.0), "up": (0.0, 1.0), "right": (1.0, 0.0), "left": (-1.0, 0.0)}
+"""In which direction of the image, by its name, rows or columns follow each other."""
 
 STEADY, SWINGING = Swing(1.5, 14.0), Swing(1.0, 2.3)
 """A swing that neighbours show, and one that they do not."""
@@ -52,12 +55,14 @@ Path = Callable[[np.ndarray], tuple[np.ndarray, Rotation]]
 
 def flown(
     seed: int, readout: float, speed: float, *, rtk: bool = True, swing: Swing = STEADY, unknown: tuple[str, ...] = (),
-    given: float = 0.0, known: tuple[float, float] | None = None, **definition: float,
+    given: float = 0.0, known: tuple[float, float] | None = None, direction: ReadoutDirection = "down",
+    **definition: float,
 ) -> Flown:  # fmt: skip
     """Return a flight of strips there and back, the camera turning with them.
 
     Without RTK the stations have times alone, and more control is measured. `given` is the readout of the block,
-    `known` the standard deviations of velocities and angular rates (degrees a second) that stations say; None: none do.
+    `direction` that of the shutter and the block, `known` the standard deviations of velocities and angular rates
+    (degrees a second) that stations say; None: none do.
     """
     random = np.random.default_rng(seed)
     base, spacing = 0.3 * HEIGHT / C * ABOVE, 0.5 * WIDTH / C * ABOVE
@@ -69,7 +74,7 @@ def flown(
     for strip in range(STRIPS):
         path = _path(random, strip, spacing, (PHOTOS - 1) * base, speed, swing, interval)
         for row, time in enumerate(times[strip]):
-            image = _exposed(path, time, readout, points)
+            image = _exposed(path, time, readout, direction, points)
             inside = np.flatnonzero((np.abs(image) < [WIDTH / 2.0, HEIGHT / 2.0]).all(axis=1))
             photo += [strip * PHOTOS + row] * len(inside)
             point += inside.tolist()
@@ -91,7 +96,7 @@ def flown(
     sensor = Sensor(round(WIDTH / PIXEL), round(HEIGHT / PIXEL), WIDTH, HEIGHT)
     block = Block(
         definition=BundleDefinition("FLIGHT", Precision(NOISE), **definition),
-        cameras=(Camera("CAM", (C, *(0.0,) * 11, given), sensor=sensor, unknown=unknown),),
+        cameras=(Camera("CAM", (C, *(0.0,) * 11, given), sensor=sensor, unknown=unknown, readout_direction=direction),),
         photos=tuple(Photo(name, "CAM") for name in photos),
         photo_camera=np.zeros(len(photos), dtype=np.int64),
         photo_orientation=np.hstack([centres, rotations]),
@@ -159,12 +164,12 @@ def _path(
     return path
 
 
-def _exposed(path: Path, time: float, readout: float, points: np.ndarray) -> np.ndarray:
-    """Return the images (n, 2) of points, each at the time of its row."""
+def _exposed(path: Path, time: float, readout: float, direction: ReadoutDirection, points: np.ndarray) -> np.ndarray:
+    """Return the images (n, 2) of points, each at the time of its row or column."""
     after = np.zeros(len(points))
     for _ in range(12):
         image = _seen(path, time + after, points)
-        after = -readout * image[:, 1] / HEIGHT
+        after = readout * (image @ np.divide(ALONG[direction], (WIDTH, HEIGHT)))
     return image
 
 

@@ -63,6 +63,8 @@ def rms(values: np.ndarray) -> np.ndarray:
 FLIGHTS = {
     "RTK": partial(errors, rtk=True, unknown=MODELLED),
     "control": partial(errors, rtk=False, unknown=MODELLED),
+    "columns": partial(errors, rtk=True, unknown=MODELLED, direction="right"),
+    "columns to the left, control": partial(errors, rtk=False, unknown=MODELLED, direction="left"),
     "swinging": partial(errors, rtk=True, swing=SWINGING, unknown=MODELLED, rate_error=2.0),
 }
 

@@ -18,6 +18,7 @@ REFERENCES = (
     ("photo", "template", "template"),
     ("model", "left", "photo"),
     ("model", "right", "photo"),
+    ("bundle", "points_of", "bundle"),
 )
 
 
@@ -100,6 +101,8 @@ class PlainRecords:
         table = {**deepcopy(self.find(kind, name, bundle)), "name": new, **values}
         if kind == "template":
             table["photos"] = []
+        if kind == "bundle" and not same(name, new):
+            table["points_of"] = table["points_of"] or self.find(kind, name)["name"]
         self.add(kind, table, None, bundle)
 
     def delete(self, kind: str, name: str, with_referents: bool, bundle: str = "") -> None:

@@ -120,6 +120,21 @@ class DissectedLoop(Struct, frozen=True):
             square_sums[of_node.blocks] = found.square_sums
         return BlockNormals(matrices, right, square_sums)
 
+    def right_side(
+        self, state: BlockState, root_weights: FloatArray, misclosure: FloatArray, others: FloatArray, layout: Layout
+    ) -> FloatArray:
+        """Return the right-hand side (m + 3 b,), with nothing eliminated."""
+        handles = self.passes.each(
+            node_tasks.right_side, self.sources, self._state(state),
+            self.of_nodes(lambda of_node: root_weights[of_node.rows]),
+            self.of_nodes(lambda of_node: misclosure[of_node.rows]),
+        )  # fmt: skip
+        right = others.copy()
+        for node, of_node, found in zip(self.tree.nodes, self.members, self.passes.gathered(handles), strict=True):
+            columns = np.concatenate([node.front, layout.reduced + of_node.block_rows])
+            right[columns] += found
+        return right
+
     def eliminate(
         self,
         state: BlockState,

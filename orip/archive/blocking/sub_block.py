@@ -47,7 +47,7 @@ class SubBlock(NamedTuple):
         Number of unknowns in the front.
     sets : tuple of (camera, set, base)
         Cameras with additional parameters.
-    readout_a_mm : array (number of cameras,) or None
+    readout_a_mm : array (number of cameras, 2) or None
         See `PhotoPointObservations`.
     """
 
@@ -313,6 +313,15 @@ def points_alone(
     size = loop.points.unknowns.layout.reduced
     layout = Layout(size, len(others.matrices), np.zeros(size + others.right.size, dtype=bool))
     return loop.block_normals(state, root_weights, misclosure, others, layout)
+
+
+def right_side(
+    source: SubBlockSource, state: BlockState, root_weights: FloatArray, misclosure: FloatArray
+) -> FloatArray:
+    """Return the right-hand side (f + 3 q,), with nothing eliminated."""
+    loop = source.loop()
+    layout = loop.points.unknowns.layout
+    return loop.right_side(state, root_weights, misclosure, np.zeros(layout.size), layout)
 
 
 def eliminate(source: SubBlockSource, state: BlockState, given: NodeEquations, accuracy: Accuracy) -> NodeNormals:

@@ -32,7 +32,7 @@ typedef struct {
     const int32_t *camera_of_photo, *photo, *point;
     const double *xy, *error;
     /* with `moving`: of photos, motions a second, or none where no readout is unknown, and during the whole readout; of
-     * cameras, the part of the readout that passes in a mm */
+     * cameras, the part of the readout that passes in a mm along x and y */
     const double *motions, *moved, *rows_a_mm;
     int64_t count, camera_count, photo_count, photo_unknowns;
     int turned, moving;
@@ -114,7 +114,7 @@ INLINE void move_rays(const Block *b, const int32_t *rows, int linear, Ray *ray)
         motion[lane] = b->motions + 6 * (int64_t)b->photo[rows[lane]];
     for (int k = 0; linear && b->motions && k < 6; k++)
         ray->motion[k] = GATHERED(motion, k);
-    ray->row = -ray->xy[1] * ray->row_a_mm;
+    ray->row = ray->xy[0] * ray->row_a_mm[0] + ray->xy[1] * ray->row_a_mm[1];
     move_ray(ray, b->turned, linear);
 }
 
@@ -127,8 +127,9 @@ INLINE void take_cameras(const Block *b, const int32_t *cameras, Ray *ray)
         ray->camera[k] = GATHERED(camera, k);
     if (b->moving) {
         for (int lane = 0; lane < LANES; lane++)
-            camera[lane] = b->rows_a_mm + cameras[lane];
-        ray->row_a_mm = GATHERED(camera, 0);
+            camera[lane] = b->rows_a_mm + 2 * (int64_t)cameras[lane];
+        for (int k = 0; k < 2; k++)
+            ray->row_a_mm[k] = GATHERED(camera, k);
     }
 }
 

@@ -37,7 +37,7 @@ typedef struct {
 /* motion: a second, zero where no readout is unknown; moved: during a readout, with what is corrected of it; by_turns: from
  * small changes of the turns until the row to rotations about the ground axes. */
 typedef struct {
-    Lanes camera[CAMERA_PARAMETERS], centre[3], rotation[9], basis[9], ground[3], xy[2], motion[6], moved[6], by_turns[9], row, row_a_mm;
+    Lanes camera[CAMERA_PARAMETERS], centre[3], rotation[9], basis[9], ground[3], xy[2], motion[6], moved[6], by_turns[9], row, row_a_mm[2];
 } IN_LINES Ray;
 
 /* product: those of a set, by whose coefficients in dx (or dy) they are the partials of x (or y). */

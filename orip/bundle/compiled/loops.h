@@ -21,6 +21,7 @@ typedef struct {
     void (*forward)(const Block *b, const Pattern *p, Share share, const Coupling *c, int32_t *numbers, double *room);
     void (*add_forward)(const Block *b, const Pattern *p, Share share, const Coupling *c, int32_t *numbers, double *room);
     void (*backward)(const Block *b, const Pattern *p, Share share, const Coupling *c, int32_t *numbers, double *room);
+    void (*right)(const Block *b, const Pattern *p, Share share, const RightSide *r, int32_t *numbers, double *room);
 } Loops;
 
 extern const Loops plain_loops, shifting_plain_loops, moving_plain_loops;

@@ -13,7 +13,7 @@
 #include "residuals.h"
 
 const Loops avx2_loops = {residual_loop, points_loop, normals_loop, add_normals, precision_loop, movements_loop,
-                          add_movements, forward_loop, add_forward, backward_loop};
+                          add_movements, forward_loop, add_forward, backward_loop, right_loop};
 
 #if defined(__clang__)
 #pragma clang attribute pop

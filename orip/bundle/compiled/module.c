@@ -63,7 +63,7 @@ static int take_block(Call *call)
                 b->turned ? 9 * photos : 0)
         && length_of(a, GROUND) / 3 >= call->points
         && HAVE(a, SET_POLYNOMIALS, POLYNOMIALS * POLYNOMIALS * cameras, 2 * MOST_CAMERA_UNKNOWNS * cameras, 2 * b->count,
-                2 * b->count, b->motions ? 6 * photos : 0, b->moving ? 6 * photos : 0, b->moving ? cameras : 0);
+                2 * b->count, b->motions ? 6 * photos : 0, b->moving ? 6 * photos : 0, b->moving ? 2 * cameras : 0);
 }
 
 /* The first address from `memory` on at which a line of the cache begins: vectors do not cross lines then. */
@@ -237,6 +237,7 @@ STEP(add_movements_of, add_movements)
 STEP(sum_forward, forward)
 STEP(add_forward_of, add_forward)
 STEP(substitute_back, backward)
+STEP(form_right, right)
 
 static PyObject *eliminate(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
@@ -351,12 +352,27 @@ static PyObject *backward(PyObject *Py_UNUSED(module), PyObject *const *argument
     return coupling(arguments, given, 0);
 }
 
+static PyObject *right(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { FACTOR = PATTERN_END, MISCLOSURE, REDUCED, POINTS };
+    Call c;
+    if (!begin(&c, arguments, given, OBSERVATIONS PATTERN "dd" "DD", 0))
+        return NULL;
+    const int64_t size = length_of(&c.a, REDUCED), rows = 2 * c.block.count;
+    if (!take_block(&c) || !take_pattern(&c, size) || !HAVE(&c.a, FACTOR, rows, rows, size, 3 * c.pattern.blocks))
+        return refuse(&c);
+    const Py_buffer *v = c.a.views;
+    const RightSide r = {{v[FACTOR].buf, NULL, v[REDUCED].buf, v[POINTS].buf, 1, size}, v[MISCLOSURE].buf};
+    return work(&c, c.pattern.shares, form_right, add_forward_of, &r);
+}
+
 static PyMethodDef methods[] = {
     {"layout", (PyCFunction)(void (*)(void))layout, METH_FASTCALL, "Index arrays of a block, copied and checked."},
     {"turns", (PyCFunction)(void (*)(void))turns, METH_FASTCALL, "Turns of a number of threads."},
     {"residuals", (PyCFunction)(void (*)(void))residuals, METH_FASTCALL, "Residuals of all photo points."},
     {"points", (PyCFunction)(void (*)(void))points, METH_FASTCALL, "Normal equations of each point by itself."},
     {"eliminate", (PyCFunction)(void (*)(void))eliminate, METH_FASTCALL, "Normal equations, points eliminated."},
+    {"right", (PyCFunction)(void (*)(void))right, METH_FASTCALL, "Right-hand side of the normal equations."},
     {"movements", (PyCFunction)(void (*)(void))movements, METH_FASTCALL, "Points in the inner constraints."},
     {"precision", (PyCFunction)(void (*)(void))precision, METH_FASTCALL, "Cofactors of points, leverages."},
     {"forward", (PyCFunction)(void (*)(void))forward, METH_FASTCALL, "Transposed coupling of points times a vector."},

@@ -158,6 +158,16 @@ class PhotoPointLoop(Struct, frozen=True):
             others.block_right,
         )
 
+    def right_side(
+        self, state: BlockState, root_weights: FloatArray, misclosure: FloatArray, others: FloatArray, layout: Layout
+    ) -> FloatArray:
+        """Return the right-hand side (m + 3 b,), points not eliminated; see `DesignMatrix.right_side`."""
+        found, m = others.copy(), layout.reduced
+        factor = root_weights / self.points.rows.error
+        places = self._places(whole(m))
+        self._compute(compiled.right, *self._observations(state), *places, factor, misclosure, found[:m], found[m:])
+        return found
+
     def precision(self, coupling: Coupling, inverse: Symmetric, amounts: Amounts | None) -> BlockPrecision:
         """Return cofactors (b, 3, 3) of the points and leverages (2 n,), zero where `eliminated` is not."""
         assert isinstance(coupling, StreamedCoupling), "the normal equations are those of this loop"

@@ -15,8 +15,9 @@ from scipy.sparse import csr_array
 from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
 from orip.adjustment.factorisation.band import Arrangement, in_order
 from orip.adjustment.factorisation.cholesky import Symmetric
-from orip.adjustment.factorisation.elimination import Coupling, EliminatedNormals, contracted, expanded
+from orip.adjustment.factorisation.elimination import Coupling, EliminatedNormals
 from orip.adjustment.factorisation.null_space import Amounts, MovementSums, PointMovements
+from orip.adjustment.factorisation.substitution import contracted, expanded
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.compiled.photo_loop import Contributions, PhotoPointLoop, photo_loop
 from orip.bundle.kinds.photo_point import PhotoPointObservations
@@ -97,6 +98,16 @@ class RigLoop(Struct, frozen=True):
     ) -> BlockNormals:
         """Return the normal equations of the points."""
         return self.loop.block_normals(state, root_weights, misclosure, others, self._layout(layout))
+
+    def right_side(
+        self, state: BlockState, root_weights: FloatArray, misclosure: FloatArray, others: FloatArray, layout: Layout
+    ) -> FloatArray:
+        """Return the right-hand side (m + 3 b,), points not eliminated."""
+        size, m = self.substitution.size, layout.reduced
+        of_points = np.concatenate([np.zeros(size), others[m:]])
+        found = self.loop.right_side(state, root_weights, misclosure, of_points, self._layout(layout))
+        reduced = self.substitution.matrix(state).T @ found[:size]
+        return np.concatenate([reduced + others[:m], found[size:]])
 
     def eliminate(
         self,

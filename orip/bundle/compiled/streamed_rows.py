@@ -44,6 +44,11 @@ class PointLoop(Protocol):
     ) -> BlockNormals:
         """Return the normal equations of the points."""
 
+    def right_side(
+        self, state: BlockState, root_weights: FloatArray, misclosure: FloatArray, others: FloatArray, layout: Layout
+    ) -> FloatArray:
+        """Return the right-hand side (m + 3 b,) of photo points, and of others, with nothing eliminated."""
+
     def eliminate(
         self,
         state: BlockState,
@@ -120,6 +125,12 @@ class StreamedRows(Struct, frozen=True):
         others = self.others.block_normals(root_weights[self.other_rows], misclosure[self.other_rows], layout)
         photos = slice(0, self.loop.points.xy.size)
         return self.loop.block_normals(self.state, root_weights[photos], misclosure[photos], others, layout)
+
+    def right_side(self, root_weights: FloatArray, misclosure: FloatArray, layout: Layout) -> FloatArray:
+        """Return the right-hand side of the normal equations."""
+        others = self.others.right_side(root_weights[self.other_rows], misclosure[self.other_rows], layout)
+        photos = slice(0, self.loop.points.xy.size)
+        return self.loop.right_side(self.state, root_weights[photos], misclosure[photos], others, layout)
 
     def precision(
         self, factors: BlockFactors, coupling: Coupling, inverse: Symmetric, amounts: Amounts | None

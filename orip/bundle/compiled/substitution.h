@@ -105,6 +105,43 @@ static void add_forward(const Block *b, const Pattern *p, Share share, const Cou
     }
 }
 
+/* Misclosures, times roots of the weights, of each row; the sums are added to those of `of`, a single vector. */
+typedef struct {
+    Coupling of;
+    const double *misclosure;
+} RightSide;
+
+/* The right-hand side of the normal equations, points not eliminated: the sums A^T l of each group of a share, one after
+ * the other in `room`, and those of points where they stay. */
+static void right_loop(const Block *b, const Pattern *p, Share share, const RightSide *r, int32_t *numbers, double *room)
+{
+    Ahead a;
+    Local local = local_in(p, numbers);
+    begin_ahead(&a);
+    for (int64_t group = share.first; group < share.end; group++) {
+        local_unknowns(b, p, group, &local);
+        memset(room, 0, sizeof(double) * (size_t)numbers_of_vectors(local.size, 1));
+        for (int64_t place = p->group_start[group]; place < p->group_start[group + 1]; place++) {
+            double *of_block = r->of.points + 3 * p->block[place], of_point[2][3];
+            int32_t last[2] = {0, 0};
+            for (int64_t k = p->start[place]; k < p->start[place + 1]; k++) {
+                const int lane = ahead(b, p, r->of.factor, k, &a);
+                if (!a.found.in_front[lane])
+                    continue;
+                const Places at = places_of(b, p, &local, p->order[k], a.cameras[lane], last);
+                const double *y = r->misclosure + 2 * (int64_t)p->order[k];
+                add_to_camera(room, &at, has_common_columns(&at), y[0], y[1], a.row[lane]);
+                add_to(room + at.photo, y[0], a.row[lane][0], y[1], a.row[lane][1], PHOTO_UNKNOWNS);
+                of_ground_point(&a, lane, of_point);
+                for (int i = 0; i < 3; i++)
+                    of_block[i] += y[0] * of_point[0][i] + y[1] * of_point[1][i];
+            }
+        }
+        vector_to_unknowns(p, &local, room);
+        room += numbers_of_vectors(local.size, 1);
+    }
+}
+
 static void backward_loop(const Block *b, const Pattern *p, Share share, const Coupling *c, int32_t *numbers, double *room)
 {
     coupling_loop(b, p, share, c, 0, numbers, room);

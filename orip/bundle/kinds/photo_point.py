@@ -42,7 +42,7 @@ class PhotoPointObservations(Observations, frozen=True):
         The camera's projection; else the perspective.
     sets : tuple of (camera, set, base)
         Cameras with additional parameters.
-    readout_a_mm : array (number of cameras,) or None
+    readout_a_mm : array (number of cameras, 2) or None
         See `orip.interior.motions.readout_a_mm`; None: no camera has a readout.
     """
 

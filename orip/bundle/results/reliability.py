@@ -1,9 +1,9 @@
 """Reliability: the smallest error that a test detects, its effect; what fits worse than chance explains.
 
-The equations of such observations are decorrelated, and belong to no single one. With T what takes residuals of the
-observations to those of the equations, weight factors W and H = A Q A^T of the equations, the redundancy numbers are
-the diagonal of T^-1 (I - H W) T, which for full weights is that of Qvv P. An error of one unit of an observation is d
-= T e in the equations: its test is d^T v over the root of d^T K d, with K the cofactor of the residuals v; for full
+The equations of correlated observations are decorrelated, and belong to no single one. With T what takes residuals of
+the observations to those of the equations, weight factors W and H = A Q A^T of the equations, the redundancy numbers
+are the diagonal of T^-1 (I - H W) T, which for full weights is that of Qvv P. An error of one unit of an observation is
+d = T e in the equations: its test is d^T v over the root of d^T K d, with K the cofactor of the residuals v; for full
 weights that is P v over the root of the diagonal of P Qvv P (Baarda 1968, *A testing procedure for use in geodetic
 networks*).
 """

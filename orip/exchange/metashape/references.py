@@ -12,8 +12,9 @@ from msgspec import Struct, field
 
 from orip.exchange.metashape.chunk import DEFAULT_ANGLE, DEFAULT_POSITION, LEAST_RADIUS
 from orip.exchange.sources.collected import PhotoNames
-from orip.exchange.sources.text import Faults, fields_of_line, separator_of, text_lines
+from orip.exchange.sources.text import Faults, text_lines
 from orip.files.text.regular_file import beginning
+from orip.files.text.separated import EXTRA_FIELDS, fields_of_line, separator_of
 from orip.files.text.shown import Parsed, shown_token
 from orip.records.control import NOT_GIVEN, ControlPoint, Station, StationReference
 from orip.records.exchanged import ExchangedProject
@@ -135,15 +136,20 @@ def _headed(lines: Sequence[str], faults: Faults) -> Iterator[_Fields]:
     """Yield the rows below headings that name coordinates; scale bars have a heading of their own without them."""
     columns: dict[str, int] = {}
     separator: str | None = None
+    width = 0
     is_headed = False
     for number, line in enumerate(lines, 1):
         found = _columns_of_heading(line) if line.startswith("#") or not is_headed else {}
         if found:
             columns, separator, is_headed = found, separator_of(line), True
+            width = len(fields_of_line(line, separator))
         elif line.strip() and not line.startswith("#") and {"x", "y"} <= set(columns):
             fields = fields_of_line(line, separator)
             if len(fields) <= max(columns[name] for name in ("label", "x", "y")):
                 faults.complain(f"{len(fields)} fields, and label and coordinates are beyond; correct the row", number)
+                continue
+            if separator == "," and any(fields[width:]):
+                faults.complain(f"{len(fields)} fields, and the heading has {width}{EXTRA_FIELDS}", number)
                 continue
             yield number, {name: fields[place] for name, place in columns.items() if place < len(fields)}, separator
     if not is_headed:

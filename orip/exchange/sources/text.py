@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,7 +13,8 @@ from msgspec import Struct, field
 from orip.arrays import FloatArray
 from orip.errors import Complaint
 from orip.files.text.decimal_numbers import LARGEST_NUMBER, parse_number
-from orip.files.text.lines import read_bytes
+from orip.files.text.lines import foreign_text, has_zeros, read_bytes
+from orip.files.text.separated import DEGREES, EXTRA_FIELDS, fields_of_line, has_decimal_commas, separator_of, unit_of
 from orip.files.text.shown import printable, shown_token
 
 MOST_COMPLAINTS = 200
@@ -78,22 +78,15 @@ _QUOTED = re.compile(r'"([^"]*)"|(\S+)')
 
 
 def text_lines(path: Path, faults: Faults) -> list[str]:
-    """Return the lines of a text; bytes that are not UTF-8 are read as Windows' western characters.
-
-    Names of photos come from programs and systems of all kinds; all else in these texts is ASCII.
-    """
+    """Return the lines of a text in one of the encodings of `foreign_text`."""
     data, complaints = read_bytes(path, faults.shown)
     faults.complaints += complaints
-    data = (data or b"").removeprefix(b"\xef\xbb\xbf")
-    if b"\0" in data:
+    data = data or b""
+    if has_zeros(data):
         line = data.count(b"\n", 0, data.index(b"\0")) + 1
         faults.complain("the file has zero bytes: it is UTF-16, or no text; save it as UTF-8", line)
         return []
-    try:
-        text = data.decode("utf-8")
-    except UnicodeDecodeError:
-        text = data.decode("cp1252", errors="replace")
-    return [line.rstrip("\r") for line in text.split("\n")]
+    return foreign_text(data).split("\n")
 
 
 def numbered_words(lines: list[str], comments: str = "") -> Iterator[tuple[int, list[str]]]:
@@ -152,10 +145,7 @@ def sound_rows(lines: Sequence[str], fields: int, whole: int = 0) -> FloatArray 
 # Decimal commas are read where another separator divides the fields and no number of the table has a point; else they
 # are refused. Fields may be in quotation marks.
 
-_SEPARATORS = (";", "\t", ",")
 _COMMENT = "#"
-_WITH_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
-_WITH_POINT = re.compile(r"[+-]?\d*\.\d+(?:[eE][+-]?\d+)?")
 
 
 class Row(Struct, frozen=True):
@@ -182,6 +172,8 @@ class Table(Struct, frozen=True):
         By orip's names.
     ignored : tuple of str
         Headings that were not recognised.
+    scale : mapping of str to float
+        What numbers of a column are multiplied by: angles are in degrees, whatever unit the heading names.
     """
 
     rows: tuple[Row, ...]
@@ -189,13 +181,15 @@ class Table(Struct, frozen=True):
     ignored: tuple[str, ...]
     faults: Faults
     has_decimal_commas: bool = False
+    scale: Mapping[str, float] = field(default_factory=dict)
 
     def number(self, row: Row, column: str) -> float:
         """Return a field as a number; NaN, and a complaint kept, if it is none, and NaN if it is not filled."""
         if not row.has(column):
             return math.nan
         word = row.text(column)
-        return self.faults.decimal(word.replace(",", ".") if self.has_decimal_commas else word, column, row.line)
+        value = self.faults.decimal(word.replace(",", ".") if self.has_decimal_commas else word, column, row.line)
+        return value * self.scale.get(column, 1.0)
 
     def numbers(self, row: Row, columns: Sequence[str]) -> tuple[float, ...]:
         """Return fields as numbers."""
@@ -234,8 +228,9 @@ def read_table(path: Path, shown: str, headings: Mapping[str, str], needed: Sequ
         )
         return Table((), (), (), faults)
     rows = tuple(_rows(lines[1:], separator, len(written), columns, faults))
-    has_commas = separator != "," and _has_decimal_commas(rows)
-    return Table(rows, tuple(columns.values()), tuple(ignored), faults, has_commas)
+    has_commas = separator != "," and has_decimal_commas(word for row in rows for word in row.fields.values())
+    scale = {name: DEGREES[unit] for place, name in columns.items() if (unit := unit_of(written[place])) in DEGREES}
+    return Table(rows, tuple(columns.values()), tuple(ignored), faults, has_commas, scale)
 
 
 def _allowed(column: str, headings: Mapping[str, str]) -> str:
@@ -264,29 +259,7 @@ def _rows(
     for number, line in lines:
         fields = fields_of_line(line, separator)
         if len(fields) != count:
-            hint = "; with decimal commas the separator has to be a semicolon" if separator == "," else ""
+            hint = EXTRA_FIELDS if separator == "," else ""
             faults.complain(f"{len(fields)} fields, and the heading has {count}{hint}", number)
             continue
         yield Row(number, {name: fields[place] for place, name in columns.items()})
-
-
-def separator_of(heading: str) -> str | None:
-    """Return what separates the fields of a table with a heading; None: blanks."""
-    return next((mark for mark in _SEPARATORS if mark in heading), None)
-
-
-def fields_of_line(line: str, separator: str | None) -> list[str]:
-    """Return the fields of a line, which may be in quotation marks."""
-    if separator is None:
-        return line.split()
-    try:
-        fields = next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
-    except csv.Error:
-        fields = line.split(separator)
-    return [field.strip() for field in fields]
-
-
-def _has_decimal_commas(rows: Sequence[Row]) -> bool:
-    """Return whether numbers have decimal commas, and none has a point."""
-    words = [word for row in rows for word in row.fields.values()]
-    return any(map(_WITH_COMMA.fullmatch, words)) and not any(map(_WITH_POINT.fullmatch, words))

@@ -83,6 +83,9 @@ _AXES = ("X", "Y", "Z")
 _NUMBERS = 6
 """Of a control point: three coordinates and their errors."""
 
+_CORRELATED = 9
+"""Numbers of a control point with coefficients of correlation."""
+
 Record = TypeVar("Record")
 
 
@@ -146,11 +149,14 @@ def _blanks_in_names(lines: list[str], shown: str) -> Complaint | None:
 
 
 def _has_blank(reader: FieldReader, begins_several: bool) -> bool:
-    """Tell whether a line has six numbers and words before them, the first of which is none, or begins other lines."""
+    """Tell whether a line has six numbers and words before them, the first of which is none, or begins other lines.
+
+    Nine numbers are those of a point with coefficients of correlation, and not three words and six numbers.
+    """
     if reader.count <= 1 + _NUMBERS or (_is_number(reader.text(0)) and not begins_several):
         return False
-    last = [reader.text(index) for index in range(reader.count - _NUMBERS, reader.count)]
-    return all(field == "-" or _is_number(field) for field in last)
+    numbers = [field == "-" or _is_number(field) for field in map(reader.text, range(1, reader.count))]
+    return all(numbers[-_NUMBERS:]) and not (len(numbers) == _CORRELATED and all(numbers))
 
 
 def _is_number(field: str) -> bool:

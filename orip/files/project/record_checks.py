@@ -110,8 +110,8 @@ def _readout(camera: Located[Camera], where: str) -> Iterator[Fault]:
     record, readout = camera.record, camera.record.parameters[READOUT]
     if abs(readout) > _LONGEST_READOUT:
         message = (
-            f"{where} has readout = {readout:g}; it is in seconds from the upper row to the lower one (negative where "
-            f"the lower row is first), {_LONGEST_READOUT:g} at most: write for example readout = 0.030"
+            f"{where} has readout = {readout:g}; it is in seconds from the first row or column to the last one "
+            f"(negative in the other order), {_LONGEST_READOUT:g} at most: write for example readout = 0.030"
         )
         yield (*camera.place, "readout"), message
     elif record.sensor is None and (readout or "READOUT" in record.unknown):

@@ -30,16 +30,16 @@ from orip.files.text.regular_file import kind_of_no_file
 from orip.files.text.shown import shown_token
 
 APPLICATION_ID = int.from_bytes(b"ORIP", "big")
-SCHEMA_VERSION = 21
-"""20: there were no heights of terrain models; 19: there were no mountings; 18: cameras had no readout; 17: there was
-no reliability of correlated observations; 16: photos had no images, and no bundle had the points of another; 15: no
-solution was not determined; 14: checksums were of BLAKE2; 13: all rows of a long list were one; 12: there were no rigs;
-11: long lists were rows; 10: photos had three correlations; 8: cameras had no projection; 7: they had no A9; 6: there
-were no times of exposures; 5: there were no antennas; 4: a photo had each point once, and there were no variance
-components; 3: there were no checksums and no zero directions; 2: no groups of observations, no alternatives of a
-blunder; 1: no correlations of coordinates. A store of an older version is refused.
+SCHEMA_VERSION = 22
+"""21: readouts had no direction; 20: there were no heights of terrain models; 19: there were no mountings; 18: cameras
+had no readout; 17: there was no reliability of correlated observations; 16: photos had no images, and no bundle had the
+points of another; 15: no solution was not determined; 14: checksums were of BLAKE2; 13: all rows of a long list were
+one; 12: there were no rigs; 11: long lists were rows; 10: photos had three correlations; 8: cameras had no projection;
+7: they had no A9; 6: there were no times of exposures; 5: there were no antennas; 4: a photo had each point once, and
+there were no variance components; 3: there were no checksums and no zero directions; 2: no groups of observations, no
+alternatives of a blunder; 1: no correlations of coordinates. A store of an older version is refused.
 """
-DUMP_VERSION = 15
+DUMP_VERSION = 16
 """Of the tables that a dump has; checksums are not among them."""
 
 TABLES_OF_KIND: dict[str, tuple[StoreTable, ...]] = {

@@ -13,7 +13,7 @@ from msgspec import Struct
 
 from orip.errors import Complaint, InputError
 from orip.files.text.decimal_numbers import parse_number
-from orip.files.text.regular_file import NoRegularFileError, regular_bytes
+from orip.files.text.regular_file import UTF_16, NoRegularFileError, regular_bytes
 from orip.files.text.shown import Parsed, printable, shown_token
 from orip.records.control import ErrorLimits
 from orip.records.names import COMMENT_MARKS, name_fault
@@ -21,6 +21,7 @@ from orip.records.names import COMMENT_MARKS, name_fault
 _FIELD = re.compile(r"\S+")
 _ZERO = b"\0"
 _DOS_END = b"\x1a"
+_LINE_END = re.compile(r"\r+\n|\r")
 
 
 class TextField(Struct, frozen=True):
@@ -99,7 +100,7 @@ def sound_bytes(data: bytes, shown: str) -> Parsed[bytes]:
 
     Each line that is not UTF-8 gives a complaint and is left empty.
     """
-    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+    if data.startswith(UTF_16):
         return Parsed(b"", (Complaint("the file is UTF-16; save it as UTF-8", shown, 1),))
     if _ZERO in data:
         message = "the file has zero bytes: it is UTF-16, or damaged, or no text at all; save it as UTF-8"
@@ -119,6 +120,29 @@ def sound_bytes(data: bytes, shown: str) -> Parsed[bytes]:
         lines = _decode_each(text.splitlines(), shown)
         return Parsed("\n".join((*lines.value, "")).encode("utf-8"), lines.complaints)
     return Parsed(text)
+
+
+def foreign_text(data: bytes) -> str:
+    """Return a text that another program wrote, each line end as a newline.
+
+    It is UTF-8, UTF-16 with its byte order mark, or else Windows' western characters: names of photos come from
+    programs and systems of all kinds. What DOS writes at the end of a file is left out.
+    """
+    if data.startswith(UTF_16):
+        text = data.decode("utf-16", errors="replace")
+    else:
+        try:
+            text = data.removeprefix(codecs.BOM_UTF8).decode("utf-8")
+        except UnicodeDecodeError:
+            text = data.decode("cp1252", errors="replace")
+    if "\r" in text:
+        text = _LINE_END.sub("\n", text)
+    return text.removesuffix("\x1a")
+
+
+def has_zeros(data: bytes) -> bool:
+    """Return whether bytes have zeros where a text has none."""
+    return _ZERO in data and not data.startswith(UTF_16)
 
 
 def decode_lines(data: bytes, shown: str) -> Parsed[list[str]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import errno
 import hashlib
 import os
@@ -16,6 +17,9 @@ from pathlib import Path
 
 LARGEST_FILE = 1 << 30
 """Bytes that are read of a file: some ten million lines."""
+
+UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+"""Byte order marks."""
 
 _OPENING = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOCTTY", 0) | getattr(os, "O_BINARY", 0)
 _SYSTEM_FOLDERS = ("/proc", "/sys")
@@ -114,9 +118,10 @@ def beginning(path: Path, size: int) -> str:
     """Return the first characters of a text file, at most `size`; none of what is missing or no regular file."""
     try:
         with open_regular(path) as stream:
-            return stream.read(4 * size).decode("utf-8", errors="replace")[:size]
+            data = stream.read(4 * size)
     except (OSError, ValueError):
         return ""
+    return data.decode("utf-16" if data.startswith(UTF_16) else "utf-8-sig", errors="replace")[:size]
 
 
 def _require_regular(status: os.stat_result, largest: int) -> None:

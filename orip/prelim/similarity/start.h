@@ -1,6 +1,5 @@
 /* Starting values of a spatial similarity from triples of points, judged by all;
- * prelim_references/similarity.py does the
- * same and names the sources.
+ * prelim_references/similarity.py does the same and names the sources.
  */
 
 #include "adjustment.h"
@@ -85,11 +84,17 @@ static void prepare_judges(const Judges *j, const double *source_deviation, cons
 /* d²/s² of the points at a start, as of three coordinates. `space` has room for twice as many numbers. */
 static void squares_of(const Judges *j, const At *s, double least, double *squares, double *space)
 {
-    double *variance = space, *sorted = space + j->count;
-    for (int64_t point = 0; point < j->count; point++)
+    double *variance = space, *sorted = space + j->count, least_variance = INFINITY, largest = 0.0, floor = 0.0;
+    for (int64_t point = 0; point < j->count; point++) {
         variance[point] = j->target_variance[point] + s->scale * s->scale * j->source_variance[point];
-    memcpy(sorted, variance, (size_t)j->count * sizeof(double));
-    const double middle = least * least * median_of(sorted, j->count), floor = middle > 0.0 ? middle : 1.0;
+        least_variance = smaller(least_variance, variance[point]), largest = larger(largest, variance[point]);
+    }
+    /* the floor is a part of the median: where no variance is as small a part of the largest, none is raised to it */
+    if (!(least_variance > 0.0 && least_variance >= least * least * largest)) {
+        memcpy(sorted, variance, (size_t)j->count * sizeof(double));
+        const double middle = least * least * median_of(sorted, j->count);
+        floor = middle > 0.0 ? middle : 1.0;
+    }
     for (int64_t point = 0; point < j->count; point++) {
         const double *x = j->source + 3 * point, *X = j->target + 3 * point;
         double turned[3], square = 0.0;
@@ -126,13 +131,19 @@ static double best_of_starts(const Judges *j, const Judgement *by, const At *sta
     double *scratch = space, *squares = space + 2 * j->count, most = INFINITY, cheapest = INFINITY;
     for (int64_t k = 0; k < number; k++) {
         squares_of(j, starts + k, by->least, squares + k * j->count, scratch);
+        /* selected only where they are small enough to make `most` smaller */
+        int64_t below = 0;
+        for (int64_t point = 0; point < j->count; point++)
+            below += squares[k * j->count + point] < most;
+        if (below < by->rank)
+            continue;
         memcpy(scratch, squares + k * j->count, (size_t)j->count * sizeof(double));
-        most = smaller(most, select_smallest(scratch, j->count, by->rank - 1));
+        most = select_smallest(scratch, j->count, by->rank - 1);
     }
     const double factor = larger(1.0, most / by->median_of_chi2);
     for (int64_t k = 0; k < number; k++) {
         double cost = 0.0;
-        for (int64_t point = 0; point < j->count; point++)
+        for (int64_t point = 0; point < j->count && cost < cheapest; point++)
             cost += smaller(squares[k * j->count + point] / factor, by->limit);
         if (cost < cheapest)
             cheapest = cost, *best = starts[k];

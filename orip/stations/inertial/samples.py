@@ -51,10 +51,12 @@ class ImuSamples(Struct, frozen=True):
         """
         force, rate, duration = self.pieces(begin, end)
         integral, turned = np.zeros(3), np.eye(3) if turned is None else turned
-        for part, turn, step in zip(force, rate if bias is None else rate - bias, duration, strict=True):
-            half = Rotation.from_rotvec(turn * step / 2.0).as_matrix()
-            integral = integral + turned @ half @ part * step
-            turned = turned @ half @ half
+        unbiased = rate if bias is None else rate - bias
+        halves = Rotation.from_rotvec(unbiased * duration[:, None] / 2.0).as_matrix()
+        for half, change in zip(halves, force * duration[:, None], strict=True):
+            middle = turned @ half
+            integral = integral + middle @ change
+            turned = middle @ half
         return integral, turned
 
     def mean_rates(self, times: FloatArray, half: float = 0.025) -> FloatArray:

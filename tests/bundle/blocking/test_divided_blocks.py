@@ -126,7 +126,8 @@ def test_solutions_with_any_right_hand_side():
         right = np.random.default_rng(9).normal(size=(problem.layout.size, 2))
         columns = np.sort(np.concatenate([problem.unknowns.photos[3], problem.unknowns.points[[5, 40]].ravel()]))
         at = normals.solve_at(columns, right[columns]), normals.inverse_at(columns)
-        found.append((normals.correction, normals.solve(right), *at))
+        again = equations.rows.right_side(weights, -weights * equations.residual, problem.layout)
+        found.append((normals.correction, normals.solve(right), *at, again))
     for one, other in zip(*found, strict=True):
         # self-calibration loses some six digits
         assert np.abs(one - other).max() < 1e-8 * np.abs(one).max()

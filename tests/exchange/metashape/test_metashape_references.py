@@ -126,6 +126,7 @@ def test_a_table_of_the_earth_goes_to_the_local_system_and_back(
         ("#Label,X,Y,Z,Accuracy_(m)\n0.jpg,1,2,3,-1\n", "below 0"),
         ('# CoordinateSystem: GEOGCS["WGS 84"]\n#Label,X,Y,Z\n0.jpg,1,2,3\n', "a system of the earth"),
         ("#Label,X,Y,Z\n,1,2,3\n", "no label"),
+        ("#Label,X,Y,Z\n0.jpg,1,5,2,5,3,5\n", "7 fields, and the heading has 4; with decimal commas"),
     ],
 )
 def test_faults_of_a_table_name_their_line(tmp_path: Path, table: str, said: str) -> None:

@@ -232,6 +232,38 @@ def test_headings_are_recognised(tmp_path: Path, text: str) -> None:
     np.testing.assert_allclose(np.degrees(found.angles[0]), [10, 20, 30])
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "photo;X;Y;Z;sX [mm];sY [cm];sZ;omega (gon);phi (rad);kappa\nP1;1,5;2,5;3;10;2;0,03;100;1,5;9\n",
+        "# by N\nphoto\tX\tY\tZ\tsX\tsY\tsZ\tomega\tphi\tkappa\n# 1\nP1\t1.5\t2.5\t3\t.01\t.02\t.03\t90\t85.94367\t9\n",
+        'photo,note,X,Y,Z,sX,sY,sZ,omega,phi,kappa\nP1,"left, upper",1.5,2.5,3,.01,.02,.03,90,85.94366926962348,9\n',
+    ],
+)
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+@pytest.mark.parametrize("end", ["\n", "\r", "\r\n"])
+def test_tables_of_other_countries_and_systems_mean_the_same(
+    tmp_path: Path, text: str, encoding: str, end: str
+) -> None:
+    path = tmp_path / "a.csv"
+    path.write_bytes(text.replace("\n", end).encode(encoding))
+    parsed = read_epochs(path, "a.csv")
+    assert not parsed.complaints
+    np.testing.assert_allclose(parsed.value.place, [[1.5, 2.5, 3.0]])
+    np.testing.assert_allclose(np.sqrt(np.diag(parsed.value.covariance[0])), [0.01, 0.02, 0.03])
+    np.testing.assert_allclose(np.degrees(parsed.value.angles), [[90.0, np.degrees(1.5), 9.0]])
+
+
+def test_fields_that_are_empty_keep_their_place(tmp_path: Path) -> None:
+    found = read(tmp_path, "a.csv", "photo,X,Y,Z,sX,sY,sZ,omega,phi,kappa\nP1,1,2,3,,-,,10,20,30\n")
+    assert np.isnan(found.covariance).all(axis=0)[range(3), range(3)].all()
+    np.testing.assert_allclose(np.degrees(found.angles[0]), [10, 20, 30])
+
+
+def test_heights_above_an_ellipsoid_are_in_metres(tmp_path: Path) -> None:
+    assert read(tmp_path, "a.csv", "photo,lon,lat,h (ft)\nP1,9,53,1000\n").place[0, 2] == pytest.approx(304.8)
+
+
 def test_columns_that_are_named(tmp_path: Path) -> None:
     text = "Bild,Rechts,Hoch,Hoehe\nP1,1,2,3\n"
     (said,) = complaints(tmp_path, "a.csv", text)
@@ -253,6 +285,8 @@ def test_times_of_photos(tmp_path: Path) -> None:
         ("", "a.csv", "the table is empty"),
         ("photo,X,Y\nP1,1,2\n", "a.csv:1", "no column is known as Z"),
         ("photo,X,Y,Z\nP1,1,2\n", "a.csv:2", "a field is missing, 3 found"),
+        ("photo,X,Y,Z\nP1,561971,479,5934123,680,60,313\n", "a.csv:2", "with decimal commas the separator has to be"),
+        ("photo,X,Y,Z\nP1,1,,3\n", "a.csv:2", "a coordinate is missing"),
         ("photo,lon,lat,h\nP1,1,b,3\n", "a.csv:2:6", "'b' is not a number"),
         ("photo,lon,lat,h\nP1,1,100,3\n", "a.csv:1", "a latitude is beyond 90 degrees"),
         ("photo,time\nP1,2020-02-30T00:00:00\n", "a.csv:2:4", "is not a time"),

@@ -10,6 +10,7 @@ from bundle.solving import solution
 from mistakes.small_folders import Folder, images, known
 from mistakes.test_first_sentence import run, status, warnings
 from scipy.spatial.transform import Rotation
+from support.long_cases import every
 from support.synthetic_block import synthetic_block
 
 from orip.bundle.groups.words import CODE
@@ -53,10 +54,10 @@ def looking(centre: np.ndarray, target: np.ndarray, roll: float) -> tuple[float,
     return (*centre, *Rotation.from_matrix(matrix).as_euler("XYZ", degrees=True))
 
 
-def oblique(given: float) -> tuple[Folder, tuple[str, ...]]:
-    """Return photos of a vertical and of an oblique camera of 200 mm, which has `given`; and its photos."""
+def oblique(given: float, count: int) -> tuple[Folder, tuple[str, ...]]:
+    """Return photos by a vertical and by an oblique camera of 200 mm, which has `given`; and the photos of that."""
     random = np.random.default_rng(5)
-    points = {str(n): random.uniform([-600.0, -600.0, 0.0], [1800.0, 1200.0, 150.0]) for n in range(400)}
+    points = {str(n): random.uniform([-600.0, -600.0, 0.0], [1800.0, 1200.0, 150.0]) for n in range(count)}
     vertical, slanted = {}, {}
     for row in range(2):
         for column in range(3):
@@ -73,8 +74,9 @@ def oblique(given: float) -> tuple[Folder, tuple[str, ...]]:
     return Folder(points, measured, control, c=TRUE), tuple(name for name in measured if name in slanted)
 
 
-def test_the_lens_of_one_of_two_cameras_is_named_where_nothing_fits(tmp_path: Path) -> None:
-    made, slanted = oblique(206.0)
+@pytest.mark.parametrize("points", every(2, [120, 400]))
+def test_the_lens_of_one_of_two_cameras_is_named_where_nothing_fits(tmp_path: Path, points: int) -> None:
+    made, slanted = oblique(206.0, points)
     folder = made.write(tmp_path / "folder")
     text = (folder / "orip.toml").read_text(encoding="utf-8")
     for photo in slanted:

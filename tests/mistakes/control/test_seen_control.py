@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from cli.command_line import orip
 from mistakes.advice import Project, follow, is_well, said_first, sound
-from support.long_cases import in_turn
+from support.long_cases import every, in_turn
 
 
 def exchanged(made: Project) -> None:
@@ -59,7 +59,7 @@ def test_errors_that_a_free_network_ignores_are_named(tmp_path: Path) -> None:
     assert 'datum = "free" takes all weight from the 7 control points' in orip(folder, "run", "--no-report").told
 
 
-@pytest.mark.parametrize("factor", [0.1, 10.0])
+@pytest.mark.parametrize("factor", every(2, [10.0, 0.1]))
 def test_a_displaced_point_of_the_precision_is_said_with_what_to_write(tmp_path: Path, factor: float) -> None:
     folder = sound("STA", 2).write(tmp_path / "folder")
     toml = folder / "orip.toml"

@@ -137,7 +137,7 @@ def test_errors_as_advised_make_positions_without_a_fix_fit(tmp_path: Path) -> N
 # ------------------------------------------------------------------------------------------------ blocks with a sensor
 
 
-@pytest.mark.parametrize("ending", ["STA", ""])
+@pytest.mark.parametrize("ending", every(2, ["STA", ""]))
 def test_control_measured_in_pictures_of_a_quarter_is_named(tmp_path: Path, ending: str) -> None:
     project = camera_advice.sound(ending)
     for points in project.measured.values():

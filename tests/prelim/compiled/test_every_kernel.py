@@ -16,7 +16,7 @@ from msgspec.structs import astuple
 from partial_block_samples import pair
 from scipy.spatial.transform import Rotation
 
-from orip.geometry.rays import TwoPhotos
+from orip.geometry.essential import TwoPhotos
 from orip.geometry.similarity import Similarity
 from orip.prelim.compiled import is_compiled, kernels
 from orip.prelim.growing_block import GrowingBlock, residual_lengths

@@ -12,8 +12,8 @@ from support.prelim_references.iterations import GaussNewton, enlarged_diagonal,
 
 from orip.adjustment.weights import danish_weights
 from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.geometry.essential import TwoPhotos
 from orip.geometry.perspective import perspective_with_partials
-from orip.geometry.rays import TwoPhotos
 from orip.geometry.rotation import (
     angle_rates_from_axes_rotation,
     angles_from_rotation,

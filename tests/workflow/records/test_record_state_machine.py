@@ -142,7 +142,7 @@ class RecordMachine(RuleBasedStateMachine):
     def add_bundle(self, name: str, stop: float, kill: int | None) -> None:
         def expected(model: PlainRecords) -> None:
             known = model.find("bundle", name)["models"] if model.has("bundle", name) else []
-            model.add("bundle", {"name": name, "enp_stop": stop, "models": known}, None)
+            model.add("bundle", {"name": name, "enp_stop": stop, "points_of": None, "models": known}, None)
 
         record = RecordName("bundle", name)
         self.act(
@@ -301,6 +301,7 @@ class RecordMachine(RuleBasedStateMachine):
                 {
                     "name": e.record.name,
                     "enp_stop": e.record.enp_stop,
+                    "points_of": e.record.points_of,
                     "models": [{key: getattr(model, key) for key in models} for model in e.record.models],
                 }
                 for e in found.bundles

@@ -1,0 +1,53 @@
+"""Tables of other programs: the fields of their lines, decimal commas, and the units that their headings name."""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from collections.abc import Iterable
+from types import MappingProxyType
+
+_SEPARATORS = (";", "\t", ",")
+_WITH_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
+_WITH_POINT = re.compile(r"[+-]?\d*\.\d+(?:[eE][+-]?\d+)?")
+_UNIT = re.compile(r"[(\[]([^)\]]*)[)\]]")
+
+DEGREES = MappingProxyType(
+    {"gon": 0.9, "grad": 0.9, "gons": 0.9} | dict.fromkeys(("rad", "radian", "radians"), 180.0 / math.pi)
+)
+"""Angles in degrees, by their units but degrees."""
+
+METRES = MappingProxyType({"mm": 0.001, "cm": 0.01, "ft": 0.3048, "feet": 0.3048})
+"""Lengths in metres, by their units but metres; a foot is the international one."""
+
+EXTRA_FIELDS = "; with decimal commas the separator has to be a semicolon"
+"""What may be wrong where a row has more fields than the heading and commas between them."""
+
+
+def separator_of(heading: str) -> str | None:
+    """Return what separates the fields of a table with a heading; None: blanks."""
+    return next((mark for mark in _SEPARATORS if mark in heading), None)
+
+
+def fields_of_line(line: str, separator: str | None) -> list[str]:
+    """Return the fields of a line, which may be in quotation marks."""
+    if separator is None:
+        return line.split()
+    try:
+        fields = next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
+    except csv.Error:
+        fields = line.split(separator)
+    return [field.strip() for field in fields]
+
+
+def has_decimal_commas(words: Iterable[str]) -> bool:
+    """Return whether numbers among the words have decimal commas, and none has a point."""
+    known = list(words)
+    return any(map(_WITH_COMMA.fullmatch, known)) and not any(map(_WITH_POINT.fullmatch, known))
+
+
+def unit_of(heading: str) -> str:
+    """Return the unit that a heading names in brackets, in small letters; empty where it names none."""
+    found = _UNIT.search(heading)
+    return "" if found is None else found[1].strip().lower()
