@@ -213,23 +213,24 @@ def _against_others(said: dict[int, _Pose], found: _Found, others: list[int], ro
     others = [other for other in others if other != row]
     normals, right = np.zeros((6, 6)), np.zeros(6)
     for other in others:
-        difference, moved = _by_motion(said, found, others[0], other)
+        difference, arm = _difference(said, found.poses, others[0], other)
+        moved = _by_motion(arm)
         weighted = moved.T @ np.linalg.pinv(found.covariances[other], hermitian=True)
         normals += weighted @ moved
         right += weighted @ difference
     cofactors = np.linalg.pinv(normals, hermitian=True)
-    difference, moved = _by_motion(said, found, others[0], row)
+    difference, arm = _difference(said, found.poses, others[0], row)
+    moved = _by_motion(arm)
     difference = difference - moved @ cofactors @ right
     covariance = found.covariances[row] + moved @ cofactors @ moved.T
     return difference, float(difference @ np.linalg.pinv(covariance, hermitian=True) @ difference)
 
 
-def _by_motion(said: dict[int, _Pose], found: _Found, anchor: int, row: int) -> tuple[FloatArray, FloatArray]:
-    """Return the difference (6,) of a pose to where an anchor has it, and its partials (6, 6) by motions of that."""
-    difference, arm = _difference(said, found.poses, anchor, row)
+def _by_motion(arm: FloatArray) -> FloatArray:
+    """Return the partials (6, 6) of place and rotation at the end of an arm by shift and rotation at its beginning."""
     partials = np.eye(6)
     partials[:3, 3:] = -cross_matrix(arm[None])[0]
-    return difference, partials
+    return partials
 
 
 def _size(said: dict[int, _Pose], found: _Found) -> float:
