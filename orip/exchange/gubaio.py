@@ -35,6 +35,12 @@ _NUMBERS = {
 }  # fmt: skip
 
 
+_KEYWORDS = {
+    "gubaio.img": "[IMAGE] name sensor InitialPersCenter InitialRotation Points PointsEnd PointEnd ImageEnd",
+    "gubaio.gcp": "FullControl FullControlEnd TiePoint TiePointEnd CheckPoint CheckPointEnd",
+    "gubaio.cam": "[SENSOR] name type SensorElement SensorPixels ScanResolution CameraConstants RadialDistortion "
+    "DecenteringDistortion Affinity END",
+}
 _PHOTO_KEYS, _PHOTO_END = ("name", "sensor"), "ImageEnd"
 _FILM = ("SCAN", "FRAME")
 _FEWEST_MARKS, _LARGEST_MISFIT = 3, 0.5
@@ -103,15 +109,20 @@ def read_gubaio(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
 
 def _keyword_lines(path: Path, faults: Faults) -> Iterator[tuple[int, str, list[str]]]:
     """Iterate over the lines: number, keyword in small letters (empty for a row of values), words."""
+    known = _KEYWORDS[path.name].split()
     for number, words in numbered_words(text_lines(path, faults)):
         line = " ".join(words)
+        key, values = "", words
         if "=" in line:
             key, _, value = line.partition("=")
-            yield number, key.strip().lower(), value.split()
+            key, values = key.strip(), value.split()
         elif len(words) == 1 and (words[0].startswith("[") or words[0][0].isalpha()):
-            yield number, words[0].lower(), []
-        else:
-            yield number, "", words
+            key, values = words[0], []
+        if key and key.lower() not in [word.lower() for word in known]:
+            faults.complain(
+                f"'{shown_token(key)}' is no keyword of this file; its keywords are {', '.join(known)}", number
+            )
+        yield number, key.lower(), values
 
 
 def _framed(
@@ -216,11 +227,10 @@ def _photos(
         given = {key: [(number, " ".join(words)) for number, of, words in rows if of == key] for key in _PHOTO_KEYS}
         wrong = [f"{len(found)} {key}" for key, found in given.items() if len(found) != 1]
         if wrong or end == len(lines):
+            at = rows[-1][0] if rows else lines[end][0]
             which = "the last photo" if end == len(lines) else "a photo"
             said = f"{which} has {' and '.join([*wrong, *([f'no {_PHOTO_END}'] if end == len(lines) else [])])}"
-            faults.complain(
-                f"{said}: each has one name, one sensor, and ends with {_PHOTO_END}; complete it", rows[-1][0]
-            )
+            faults.complain(f"{said}: each has one name, one sensor, and ends with {_PHOTO_END}; complete it", at)
             continue
         ((line, name),), ((at, sensor),) = given.values()
         camera = cameras.get(sensor)
@@ -236,7 +246,7 @@ def _measured(rows: Sequence[tuple[int, str, list[str]]], found: _Measured, faul
     """Return what is measured in a photo: fiducial marks, and between Points and PointsEnd points."""
     is_point = False
     for number, key, words in rows:
-        if key in ("points", "pointsend"):
+        if key in ("points", "pointsend", "pointend"):
             is_point = key == "points"
         elif key == "" and len(words) == 3:
             x, y = (faults.decimal(word, "x and y", number) for word in words[1:])
@@ -282,6 +292,13 @@ def _add_rays(
                     f"gives them, {_LARGEST_MISFIT} are allowed; compare their numbers and coordinates",
                     found.line,
                 )
+        elif found.fiducials:
+            number = min(found.fiducials, key=len)
+            faults.complain(
+                f"photo {photo.name}: measurements of a digital photo stand between Points and PointsEnd; point "
+                f"{number} does not",
+                found.line,
+            )
         for name, (x, y) in zip(names, image.tolist(), strict=True):
             rays.add(place, points.add(name), (x, y))
     return misfits
@@ -303,14 +320,16 @@ def _control(lines: list[tuple[int, str, list[str]]], faults: Faults) -> list[Co
     """Return control and check points; the second line of a check point, and tie points, are approximate."""
     found: list[ControlPoint] = []
     known: dict[str, int] = {}
-    section, is_second = "", False
+    section, is_second, number = "", False, 0
     for number, key, words in lines:
         if key:
-            section, is_second = key, False
+            if section and key != f"{section}end":
+                faults.complain_of_end(section, f"{section}end", number)
+            section, is_second = "" if key.endswith("end") else key, False
             continue
         is_approximate = section == "checkpoint" and is_second
         is_second = section == "checkpoint" and not is_second
-        values = faults.decimals(" ".join(words if is_approximate else words[1:4]), 3, "X Y Z", number)
+        values = faults.decimals(" ".join(words if is_approximate else words[1:]), 3, "X Y Z", number)
         if values is None or is_approximate or section not in ("fullcontrol", "checkpoint"):
             continue
         x, y, z = values
@@ -318,4 +337,6 @@ def _control(lines: list[tuple[int, str, list[str]]], faults: Faults) -> list[Co
             continue
         errors = (None, None, None) if section == "fullcontrol" else (_CHECK_ERROR, _CHECK_ERROR, _CHECK_ERROR)
         found.append(ControlPoint(words[0], (x, y, z), errors, line=number))
+    if section:
+        faults.complain_of_end(section, f"{section}end", number)
     return found

@@ -51,9 +51,11 @@ def read_photomodeler(source: Path, shown: str) -> Parsed[ExchangedProject | Non
     sections = _sections(lines, end)
     control = tuple(point for number, line in sections[0] if (point := _control(line, number, faults)) is not None)
     for number, line in sections[1]:
-        words = line.split()
+        words, wanted = line.split(), len(sections[1][0][1].split())
         values = faults.decimals(" ".join(words[1:4]), 3, "object point", number)
-        if values is not None:
+        if len(words) != wanted:
+            faults.complain(f"object point: {len(words)} fields, and the first one has {wanted}; complete it", number)
+        elif values is not None:
             points.add(words[0], values, is_track=False)
     for number, line in sections[2]:
         _add_mark(line, number, len(photos), points, rays, faults)

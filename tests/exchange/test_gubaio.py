@@ -136,6 +136,25 @@ def test_the_second_example_of_the_thesis_is_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("files", "said"),
+    [
+        (
+            {"img": IMG.replace("Points\n 1", " 1")},
+            "measurements of a digital photo stand between Points and PointsEnd",
+        ),
+        ({"gcp": GCP.removesuffix("CheckPointEnd\n")}, "checkpoint does not end with checkpointend"),
+        ({"gcp": GCP.replace("FullControl\n", "FulControl\n", 1)}, "'FulControl' is no keyword of this file"),
+        ({"gcp": GCP.replace("235.51", "235.51 7")}, "3 numbers should be here"),
+        ({"cam": CAM.replace("RadialD", "Radial D")}, "'Radial Distortion' is no keyword of this file"),
+        ({"img": "ImageEnd\n" + IMG}, "a photo has 0 name and 0 sensor"),
+    ],
+)
+def test_what_would_be_lost_without_a_word_is_refused(tmp_path: Path, files: dict[str, str], said: str) -> None:
+    found = read_gubaio(folder_of(tmp_path, **files), "G").complaints
+    assert any(said in fault.message for fault in found)
+
+
+@pytest.mark.parametrize(
     ("img", "said"),
     [
         (IMG.replace("ImageEnd\n", ""), "the last photo has no ImageEnd"),

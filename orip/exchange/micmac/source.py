@@ -14,7 +14,7 @@ from orip.exchange.micmac.version1 import Calibration, GroundPoint, Orientation,
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays, PhotoNames
 from orip.exchange.sources.text import Faults
 from orip.exchange.sources.xml_tree import XmlElement, XmlFields, read_xml
-from orip.files.text.regular_file import is_there
+from orip.files.text.regular_file import beginning, is_there
 from orip.files.text.shown import Parsed, shown_token
 from orip.records.control import ControlPoint
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, PoseReading
@@ -134,6 +134,8 @@ READING = PoseReading("y_down", "to_ground", "matrix", "radian", "centre")
 _ORIENTATION = "Orientation-*.xml"
 _POSE = "Ori-PerspCentral-*.xml"
 _PROJECT = "MMVII-PhgrProj"
+_LISTS, _BEGINNING = ("DicoAppuisFlottant", "SetOfMesureAppuisFlottants"), 1000
+"""Elements of ground points and marks, and characters of a file among which they are."""
 
 
 class _Reading(Struct):
@@ -197,9 +199,11 @@ def _read_first(folder: Path, reading: _Reading) -> ExchangedProject:
     for path in sorted(root.glob("*.xml")):
         faults = Faults(reading.of(path).shown)
         document = read_xml(path, faults)
-        if document is None:
+        if document is None and any(tag in beginning(path, _BEGINNING) for tag in _LISTS):
+            reading.of(path).complaints.extend(faults.complaints)
+        elif document is None:
             reading.notes.append(f"{path.name} is not XML and was not read.")
-        elif document.tag in ("DicoAppuisFlottant", "SetOfMesureAppuisFlottants"):
+        elif document.tag in _LISTS:
             ground += version1.ground_points(document, reading.of(path))
             marks += version1.photo_marks(document, reading.of(path))
     return _project(orientations, calibration, ground, marks, _homol(root), reading)
