@@ -222,7 +222,7 @@ def _photos(
     known: dict[str, int] = {}
     begin = 0
     ends = [place for place, (_, key, _) in enumerate(lines) if key == _PHOTO_END.lower()]
-    for end in ends if ends and ends[-1] == len(lines) - 1 else [*ends, len(lines)]:
+    for end in ends if not lines or (ends and ends[-1] == len(lines) - 1) else [*ends, len(lines)]:
         rows, begin = lines[begin:end], end + 1
         given = {key: [(number, " ".join(words)) for number, of, words in rows if of == key] for key in _PHOTO_KEYS}
         wrong = [f"{len(found)} {key}" for key, found in given.items() if len(found) != 1]

@@ -113,15 +113,21 @@ def _camera(
     )  # fmt: skip
 
 
+_SECTIONS = 3
+"""Control points, object points, marks."""
+
+
 def _sections(lines: list[str], start: int) -> list[list[tuple[int, str]]]:
     """Return the lines of the sections: an empty line ends one, so that two of them are an empty section."""
     sections: list[list[tuple[int, str]]] = [[]]
     for number in range(start + 1, len(lines)):
         if lines[number].strip():
             sections[-1].append((number + 1, lines[number]))
+        elif len(sections) == _SECTIONS:
+            break
         else:
             sections.append([])
-    return [*sections, [], [], []][: max(3, len(sections))]
+    return [*sections, [], [], []][:_SECTIONS]
 
 
 def _control(line: str, number: int, faults: Faults) -> ControlPoint | None:

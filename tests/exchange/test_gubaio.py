@@ -147,6 +147,7 @@ def test_the_second_example_of_the_thesis_is_read(tmp_path: Path) -> None:
         ({"gcp": GCP.replace("235.51", "235.51 7")}, "3 numbers should be here"),
         ({"cam": CAM.replace("RadialD", "Radial D")}, "'Radial Distortion' is no keyword of this file"),
         ({"img": "ImageEnd\n" + IMG}, "a photo has 0 name and 0 sensor"),
+        ({"img": ""}, "the files have no photo"),
     ],
 )
 def test_what_would_be_lost_without_a_word_is_refused(tmp_path: Path, files: dict[str, str], said: str) -> None:

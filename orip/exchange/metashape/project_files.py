@@ -221,7 +221,7 @@ def _document_at(named: str, element: XmlElement, folder: Path, fields: XmlField
         return None
     beside = PurePosixPath(fields.faults.shown)
     beside = beside.parent if beside.name != _DOCUMENT else beside.parent.parent
-    shown = (beside / PurePosixPath(named.replace("\\", "/"))).as_posix()
+    shown = (beside / PurePosixPath(shown_token(named.replace("\\", "/")))).as_posix()
     return _document(target, Faults(shown, fields.faults.complaints))
 
 
