@@ -30,6 +30,8 @@ _FEWEST_ALIKE = 6
 _PARTICULARS = re.compile(r"'[^']*'|\S*\d\S*")
 """What a message quotes, and words with digits."""
 
+_LONGEST_MESSAGE = 2000
+
 MOST_COMPLAINTS = 50
 """Of a file, that are told: a text with another form has a fault in each of a million lines."""
 
@@ -195,7 +197,7 @@ class InputError(OripError):
     exit_code = 3
 
     def __init__(self, complaints: Sequence[Complaint]) -> None:
-        self.complaints = tuple(complaints)
+        self.complaints = tuple(map(_shortened, complaints))
         super().__init__("\n".join(map(str, self.told)))
 
     @property
@@ -211,6 +213,15 @@ class InputError(OripError):
 
 class NoProjectError(InputError):
     """A folder holds no project."""
+
+
+def _shortened(complaint: Complaint) -> Complaint:
+    """Return a complaint of a bounded length: names in files of strangers may have megabytes."""
+    message = complaint.message
+    if len(message) <= _LONGEST_MESSAGE:
+        return complaint
+    half = _LONGEST_MESSAGE // 2
+    return Complaint(f"{message[:half]} ... {message[-half:]}", complaint.path, complaint.line, complaint.column)
 
 
 def _equal_ones_once(complaints: Sequence[Complaint]) -> Iterator[Complaint]:

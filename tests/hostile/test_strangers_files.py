@@ -242,7 +242,7 @@ def test_a_row_of_a_model_beyond_64_bits_is_refused(opened: Opened, key: str, va
 
 def test_a_long_dotted_key_takes_no_gigabytes(opened: Opened) -> None:
     for text in (".".join("a" for _ in range(40_000)) + " = 1", "x = " + "[" * 100_000,
-                 "[" + ".".join("a" * 40_000) + "]",
+                 "[" + ".".join("a" * 40_000) + "]", "".join(f"[a{n}.b.c.d.e.f]\n" for n in range(40_000)),
                  "x = " + "{a=" * 20_000, "x = {" + ".".join("a" * 40_000) + " = 1}"):  # fmt: skip
         path = opened.project / "orip.toml"
         before = path.read_text()
@@ -255,6 +255,15 @@ def test_a_long_dotted_key_takes_no_gigabytes(opened: Opened) -> None:
     (opened.project / "exchange.toml").write_text(".".join("a" for _ in range(40_000)) + " = 1\n")
     opened.orip("export csv tables")
     opened.orip("export")
+
+
+def test_a_name_of_megabytes_is_told_in_a_few_lines(opened: Opened) -> None:
+    with (opened.project / "FIRST.MEA").open("a") as text:
+        text.write(f"POINTS MAIN {'x' * 3_000_000}\n  1 2 3\n")
+    code, told = opened.orip("init")
+    assert code == 3
+    assert len(told) < 10_000
+    assert "FIRST.MEA:" in told
 
 
 def test_a_view_without_end_in_a_colmap_database_is_refused(opened: Opened) -> None:

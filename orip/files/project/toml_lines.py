@@ -20,6 +20,9 @@ from orip.files.text.shown import printable
 DEEPEST = 12
 """Parts of a key, and brackets in one another; a project file has three."""
 
+_USUAL_PARTS, _MOST_PARTS = 2, 20_000
+"""Parts of a key, beyond which they are counted, and how many more than that a text may have in all."""
+
 _NESTING_TOKEN = re.compile(
     r'"""(?:[^\\]|\\.)*?(?:"""|\Z)|'
     r"'''.*?(?:'''|\Z)|"
@@ -33,8 +36,8 @@ _NESTING_TOKEN = re.compile(
 class NestingError(ValueError):
     """A text is nested more deeply than orip reads; `line` says where, counted from 1."""
 
-    def __init__(self, what: str, line: int) -> None:
-        super().__init__(f"{what}, and up to {DEEPEST} are read; a project file needs three at most")
+    def __init__(self, what: str, line: int, most: int = DEEPEST) -> None:
+        super().__init__(f"{what}, and up to {most} are read; a project file needs three at most")
         self.line = line
 
 
@@ -53,14 +56,18 @@ def toml_document(text: str) -> dict[str, Any]:
 
 
 def _require_flat(text: str) -> None:
-    line, depth, parts = 1, 0, 1
+    line, depth, parts, unusual = 1, 0, 1, 0
     for match in _NESTING_TOKEN.finditer(text):
         token = match.group()
         if token == ".":
             parts += 1
+            unusual += parts > _USUAL_PARTS
             if parts > DEEPEST:
                 what = "a key has more parts with dots between them"
                 raise NestingError(what, line)
+            if unusual > _MOST_PARTS:
+                what = "the keys of the file have more third and further parts"
+                raise NestingError(what, line, _MOST_PARTS)
             continue
         if token[0] in "\"'#":
             line += token.count("\n")  # a part of a key may be in quotes: dots go on counting
