@@ -123,7 +123,7 @@ def _warnings(adjustment: MarkAdjustment) -> list[ProjectWarning]:
         )
         found.append(ProjectWarning("mirrored", where, text))
     if summary.redundancy == 0:
-        text = "has no redundancy: a wrong mark would not be noticed; measure one more"
+        text = "no redundancy of the marks: a wrong one would not be noticed; measure one more"
         found.append(ProjectWarning("no-redundancy", where, text))
     return found
 

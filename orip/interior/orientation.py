@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from itertools import combinations
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -25,6 +26,9 @@ from orip.records.photo import Stage
 from orip.records.results.solution import InteriorSummary
 from orip.units import DEGREES_PER_RADIAN
 from orip.wording import counted, listed_names
+
+_FITS = 0.01
+"""Largest residual, as part of the extent of the marks, with which marks are where they are given."""
 
 _MIRROR_GAIN = 0.1
 """A film is taken for mirrored when turning it over brings the residuals below this part of what they are."""
@@ -140,7 +144,14 @@ def _orient(
     try:
         transformation = fit_plane_transformation(kind, marks.measured[used], given[used])
     except ValueError as fault:
-        message = f"{what} {name} cannot be oriented: {fault}; measure marks that are spread over the frame"
+        pair = _exchanged_marks(kind, marks.measured[used], given[used])
+        names = [mark for mark, is_used in zip(marks.names, used, strict=True) if is_used]
+        remedy = (
+            f"marks {names[pair[0]]} and {names[pair[1]]} fit when their names are exchanged"
+            if pair
+            else "measure marks that are spread over the frame"
+        )
+        message = f"{what} {name} cannot be oriented: {fault}; {remedy}"
         raise OrientationError(message) from None
     residuals = transformation.apply(marks.measured) - given
     square_sum = float(np.sum(residuals[used] ** 2))
@@ -155,6 +166,21 @@ def _orient(
     return OrientedMarks(
         transformation, MarkAdjustment(summary, kind, system, stage, marks, given, residuals, mirrored)
     )
+
+
+def _exchanged_marks(kind: TransformationKind, measured: FloatArray, given: FloatArray) -> tuple[int, int] | None:
+    """Return the rows of two marks that, exchanged, make all marks fit a transformation; None for none."""
+    for pair in combinations(range(len(given)), 2):
+        rows = np.arange(len(given))
+        rows[list(pair)] = pair[::-1]
+        try:
+            transformation = fit_plane_transformation(kind, measured, given[rows])
+        except ValueError:
+            continue
+        residuals = transformation.apply(measured) - given[rows]
+        if not transformation.mirrored and np.abs(residuals).max() < _FITS * np.ptp(given, axis=0).max():
+            return pair
+    return None
 
 
 def _fits_better_mirrored(kind: TransformationKind, measured: FloatArray, given: FloatArray, square_sum: float) -> bool:

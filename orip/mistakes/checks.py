@@ -12,7 +12,9 @@ from orip.interior.in_force import Interior
 from orip.interior.mounting import frame_corners
 from orip.mistakes.camera_values import is_possible_view
 from orip.mistakes.errors_too_small import errors_too_small
-from orip.mistakes.marks import misnamed_marks
+from orip.mistakes.marks.all_films import MARKS_GIVEN_WRONG, marks_of_all_films
+from orip.mistakes.marks.misnamed import misnamed_marks
+from orip.mistakes.marks.points import points_in_another_unit
 from orip.mistakes.names import figures_told, name_warnings, photos_under_two_names
 from orip.mistakes.other_units import millimetres_per_unit
 from orip.mistakes.outside_frame import TURNED_SENSOR, exchanged_templates, points_outside_frames
@@ -299,7 +301,10 @@ def measurement_warnings(
     units = [
         warning
         for observations in measured.observations.values()
-        for warning in coordinates_in_other_units(definitions, observations)
+        for warning in (
+            *coordinates_in_other_units(definitions, observations),
+            *points_in_another_unit(definitions, observations, interior.to_photo),
+        )
     ]
     reduced = [
         warning
@@ -314,7 +319,12 @@ def measurement_warnings(
     turned = {warning.where for warning in outside if TURNED_SENSOR in warning.text}
     cameras = (warning for warning in cameras if warning.where not in turned or SQUARE_PIXELS not in warning.text)
     # photos of several bundles are checked once for each bundle
-    marks = (*templates, *misnamed_marks(interior.adjustments), *interior.warnings)
+    of_all = marks_of_all_films(definitions, interior.adjustments)
+    # names are judged by residuals, which another unit or transformation has made
+    single = (
+        [] if any(warning.code != MARKS_GIVEN_WRONG for warning in of_all) else misnamed_marks(interior.adjustments)
+    )
+    marks = (*templates, *(single or of_all), *interior.warnings)
     return tuple(dict.fromkeys((*cameras, *units, *reduced, *marks, *outside)))
 
 

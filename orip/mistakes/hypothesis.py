@@ -191,7 +191,8 @@ _MOST_PHOTO_POINTS = 20_000
 
 EXPLAINING_WARNINGS = {
     "misnamed-marks", "outside-frame", "senseless-camera", "coordinate-unit", "same-photo", "other-spelling",
-    "ground-system", "degrees", "resolution", "misread-mark", "exchanged-templates",
+    "ground-system", "degrees", "resolution", "misread-mark", "exchanged-templates", "mark-unit",
+    "mark-transformation", "point-unit",
 }  # fmt: skip
 """Codes of warnings that already explain a misfit."""
 

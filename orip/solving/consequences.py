@@ -27,7 +27,8 @@ from orip.mistakes.control.seen_control import SHORT_TEXTS_OF_CONTROL
 from orip.mistakes.errors_too_small import TOO_SMALL
 from orip.mistakes.exchanged_photos import ANOTHER_FLIGHT
 from orip.mistakes.hypothesis import EXPLAINING_WARNINGS
-from orip.mistakes.marks import MISNAMED_MARKS, MISREAD_MARK
+from orip.mistakes.marks.all_films import MARK_TRANSFORMATION, MARK_UNIT, MARKS_GIVEN_WRONG
+from orip.mistakes.marks.misnamed import MISNAMED_MARKS, MISREAD_MARK
 from orip.mistakes.misread_photos import MIRRORED
 from orip.mistakes.outside_frame import EXCHANGED_TEMPLATES, STRAY_POINTS
 from orip.mistakes.photo_coordinates import COORDINATE_UNIT, RESOLUTION
@@ -54,7 +55,7 @@ _OF_START = (GIVEN, "exchanged-photos", "angle-unit", "control-unit", MIRRORED)
 MISREAD_PHOTO = (MIRRORED, "exchanged-axes", "turned", "other-camera", "shifted-numbers", "contradicting-photo")
 """Codes of what is wrong with all measurements of a photo."""
 
-MARKS = (MISNAMED_MARKS, MISREAD_MARK, EXCHANGED_TEMPLATES)
+MARKS = (MISNAMED_MARKS, MISREAD_MARK, EXCHANGED_TEMPLATES, MARK_UNIT, MARK_TRANSFORMATION, MARKS_GIVEN_WRONG)
 
 OF_STATIONS = frozenset(
     (

@@ -17,7 +17,7 @@ from orip.interior.definitions import Definitions
 from orip.interior.orientation import orient_photo
 from orip.mistakes.checks import camera_warnings, raise_if_impossible
 from orip.mistakes.control.contradicting_control import control_warnings, slip_of_pen
-from orip.mistakes.marks import misnamed_marks
+from orip.mistakes.marks.misnamed import misnamed_marks
 from orip.mistakes.names import photos_under_two_names
 from orip.mistakes.outside_frame import points_outside_frames
 from orip.records.block import Block

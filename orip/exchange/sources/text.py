@@ -41,6 +41,20 @@ class Faults(Struct):
         if len(self.complaints) < MOST_COMPLAINTS:
             self.complaints.append(Complaint(printable(message), self.shown, line, column))
 
+    def is_first(self, name: str, noun: str, line: int, known: dict[str, int]) -> bool:
+        """Return whether a name is not yet known with its line; a complaint is kept of one that is."""
+        first = known.setdefault(name, line)
+        if first != line:
+            self.complain(f"{noun} {name} is here again, after line {first}; remove or rename one of them", line)
+        return first == line
+
+    def complain_of_end(self, what: str, end: str, line: int) -> None:
+        """Complain that the last line of what should end with another one is also that of the file."""
+        message = (
+            f"{what} does not end with {end}: the file is cut off; write it again, or add the line {end} if nothing"
+        )
+        self.complain(f"{message} is missing", line)
+
     def decimal(self, word: str, what: str, line: int | None) -> float:
         """Return a word as a number; NaN, and a complaint kept, if it is not one."""
         try:

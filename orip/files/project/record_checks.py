@@ -119,6 +119,20 @@ def _readout(camera: Located[Camera], where: str) -> Iterator[Fault]:
         yield (*camera.place, key), f"{where} has a readout, but no sensor whose rows it is of; give its sensor, too"
 
 
+def directions_without_readout(source: ProjectSource, shown: str, line_of: LineOf) -> Iterator[ProjectWarning]:
+    """Warn of cameras for which the order of their rows is given, but not that these are read one after the other."""
+    for camera in source.cameras:
+        # what orip writes itself has "down" in every camera
+        is_said = camera.record.readout_direction != "down" and "readout" not in camera.keys
+        if is_said and not camera.record.is_rolling:
+            text = (
+                f"camera '{camera.record.name}' has readout_direction, but no readout, so all of its rows are taken "
+                'at once; add its readout in seconds, or unknown = ["READOUT"], or remove readout_direction'
+            )
+            where = f"{shown}:{line_of((*camera.place, 'readout_direction'))}"
+            yield ProjectWarning("no-readout", where, text)
+
+
 def _curve(camera: Located[Camera], where: str) -> Iterator[Fault]:
     curve = camera.record.distortion_curve
     if curve is None:

@@ -137,6 +137,13 @@ def test_marks_that_look_alike_are_a_warning() -> None:
     assert (warning.code, warning.where) == ("similar-names", "orip.toml:6")
 
 
+@pytest.mark.parametrize("key", ["", "readout = 0.03", "readout = 0.0", 'unknown = ["READOUT"]'])
+def test_a_direction_of_rows_without_their_readout_is_a_warning(key: str) -> None:
+    sensor = "sensor = { columns = 10, rows = 10, width = 1, height = 1 }"
+    warnings = parse_project(f'{PROJECT}{CAMERA}{sensor}\nreadout_direction = "right"\n{key}\n').warnings
+    assert [(one.code, one.where) for one in warnings] == ([] if key else [("no-readout", "orip.toml:7")])
+
+
 @pytest.mark.parametrize(
     ("text", "line", "words"),
     [

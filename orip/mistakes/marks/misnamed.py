@@ -35,6 +35,15 @@ one."""
 _LISTED = 4
 """Most marks that a message lists."""
 
+_FAR_BETTER = 0.01
+"""Part of a square sum that is left under other names, if these are the right ones."""
+
+_MEDIAN_EFFICIENCY = 2.0 / np.pi
+"""Part of the redundancy that a median makes use of."""
+
+_UNEXPLAINED = 3.0
+"""Ratio to the residuals of other films from which a film has a wrong mark though none is found: films differ."""
+
 
 class _Order(Struct, frozen=True):
     """Which mark each one would be, and whether the film would have to be turned over."""
@@ -46,8 +55,7 @@ class _Order(Struct, frozen=True):
 class _Film(Struct, frozen=True):
     """Square sums (mm²) of the residuals under the names given, and under those that fit best.
 
-    And with two marks exchanged, and without one mark, each by their places among the used marks; the variance (mm²) is
-    that with which they fit best.
+    And with two marks exchanged, and without one mark, each by their places among the used marks.
     """
 
     adjustment: MarkAdjustment
@@ -63,8 +71,17 @@ class _Film(Struct, frozen=True):
 
     @property
     def variance(self) -> float:
-        least = min(self.given, self.best, *self.exchanged.values()) / self.redundancy
-        return min(least, *(of / (self.redundancy - 2) for of in self.without.values())) if self.without else least
+        """Return that with which the marks fit (mm²): as given, unless they fit far better otherwise.
+
+        The least of many is too small. What a residual loses of a square sum without its mark is a part with a beta
+        distribution.
+        """
+        renamed = min(self.best, *self.exchanged.values())
+        fitted = renamed if renamed < _FAR_BETTER * self.given else self.given
+        least, freedom = min(self.without.values(), default=np.inf), self.redundancy - 2
+        if freedom > 0 and least < fitted and len(self.without) * (least / fitted) ** (0.5 * freedom) < _LIKELY:
+            return least / _median_of_chi_square(freedom)
+        return fitted / _median_of_chi_square(self.redundancy)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -72,13 +89,17 @@ class _Film(Struct, frozen=True):
         marks = self.adjustment.marks
         return tuple(name for name, left_out in zip(marks.names, marks.disregarded, strict=True) if not left_out)
 
+    def noise(self, films: Sequence[_Film]) -> float:
+        """Return the variance (mm²) with which the marks of the other films fit; its own where there is no other."""
+        others = [other.variance for other in films if other is not self]
+        return float(np.median(others)) if others else self.variance
+
     def is_likely(self, square_sum: float, redundancy: int, films: Sequence[_Film], limit: float) -> bool:
         """Tell whether residuals are as large as those of the other films by chance, with a probability."""
         from scipy.special import fdtrc  # takes its time; most commands do without
 
-        others = [other for other in films if other is not self]
-        noise = float(np.median([other.variance for other in others])) if others else self.variance
-        freedom = sum(other.redundancy for other in others) or self.redundancy
+        noise = self.noise(films)
+        freedom = _MEDIAN_EFFICIENCY * sum(other.redundancy for other in films if other is not self) or self.redundancy
         if noise <= 0.0 or not np.isfinite(square_sum):
             return noise <= 0.0
         return float(fdtrc(redundancy, freedom, square_sum / redundancy / noise)) > limit
@@ -99,7 +120,9 @@ def misnamed_marks(adjustments: Sequence[MarkAdjustment]) -> list[ProjectWarning
         if _is_misnamed(film, films):
             found.setdefault((film.adjustment.summary.group, _finding(film)), []).append(film)
         elif not film.is_likely(film.given, film.redundancy, films, _UNLIKELY):
-            wrong.setdefault((film.adjustment.summary.group, _wrong_mark(film, films)), []).append(film)
+            mark = _wrong_mark(film, films)
+            if mark or film.given > _UNEXPLAINED**2 * film.redundancy * film.noise(films):
+                wrong.setdefault((film.adjustment.summary.group, mark), []).append(film)
     most_first = sorted(found.items(), key=lambda item: -len(item[1]))
     misnamed = [_warning(group, finding, alike) for (group, finding), alike in most_first]
     return misnamed + [_of_wrong_mark(mark, alike, films) for (_, mark), alike in wrong.items()]
@@ -125,6 +148,11 @@ def _film(adjustment: MarkAdjustment) -> _Film | None:
     rest = [np.delete(np.arange(count), row) for row in range(count)] if count - 1 > MARKS_NEEDED[kind] else []
     without = {row: _square_sum(kind, measured[kept], given[kept], False) for row, kept in enumerate(rest)}
     return _Film(adjustment, as_given, best, order, exchanged, without)
+
+
+def _median_of_chi_square(freedom: int) -> float:
+    """Return the median of the square sum of standard residuals (Wilson and Hilferty 1931)."""
+    return float(freedom * (1.0 - 2.0 / (9.0 * freedom)) ** 3)
 
 
 def _orders(given: FloatArray) -> Iterator[_Order]:

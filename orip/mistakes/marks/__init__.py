@@ -1,0 +1,1 @@
+"""Fiducial and tick marks that were probably mistaken."""
