@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -139,25 +139,34 @@ def eliminate_panel(band: FloatArray, start: int, end: int, reach: int) -> int:
     Its columns, from `start` on to that before `end`, reach down to the row before `reach`.
     """
     stride, count, info = _number(band.shape[1] - 1), _number(end - start), _INTEGER(0)
-    diagonal = _part(band, start, start)
-    _FACTORISE_FULL(_LOWER, count, diagonal, stride, ctypes.byref(info))
+    _FACTORISE_FULL(_LOWER, count, _part(band, start, start), stride, ctypes.byref(info))
     if not info.value and reach > end:
-        _SOLVE_FULL(
-            _RIGHT, _LOWER, _TRANSPOSED, _NOT, _number(reach - end), count, _ONE, diagonal, stride,
-            _part(band, end, start), stride,
-        )  # fmt: skip
-        # two strips with as many elements each: more of them take longer on one thread
-        between = [end + 32 * round(_FIRST_STRIP * (reach - end) / 32)] if reach - end > _TWO_STRIPS else []
-        strips = pairwise([end, *between, reach])
+        by_threads(lambda rows: _divide(band, start, end, *rows), _two_strips(end, reach, 0.5), 1)
+        strips = _two_strips(end, reach, _FIRST_STRIP)
         by_threads(lambda strip: _subtract_square(band, start, end, reach, *strip), strips, 1)
     return info.value
 
 
-_TWO_STRIPS = 512
-"""Columns after a panel from which two threads pay."""
+_FROM_TWO_STRIPS = 512
+"""Columns after a panel from which two threads pay; more of them take longer on one thread."""
 
 _FIRST_STRIP = 1.0 - 0.5**0.5
 """Part of the columns of a triangle that has half of its elements."""
+
+
+def _two_strips(end: int, reach: int, first: float) -> Iterable[tuple[int, int]]:
+    """Return the borders of what comes after a panel: of two strips, the first one with so large a part, or of one."""
+    between = [end + 32 * round(first * (reach - end) / 32)] if reach - end > _FROM_TWO_STRIPS else []
+    return pairwise([end, *between, reach])
+
+
+def _divide(band: FloatArray, start: int, end: int, first: int, last: int) -> None:
+    """Replace the rows of a panel from `first` on to that before `last` by their product with L^-T of its diagonal."""
+    stride = _number(band.shape[1] - 1)
+    _SOLVE_FULL(
+        _RIGHT, _LOWER, _TRANSPOSED, _NOT, _number(last - first), _number(end - start), _ONE,
+        _part(band, start, start), stride, _part(band, first, start), stride,
+    )  # fmt: skip
 
 
 def _subtract_square(band: FloatArray, start: int, end: int, reach: int, first: int, last: int) -> None:
