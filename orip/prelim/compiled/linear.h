@@ -161,7 +161,7 @@ static inline void angle_rates(const double *angles, double *rates)
 }
 
 /* Exchange vectors in some lanes. */
-INLINE void exchange(LaneNumbers where, Lanes *a, Lanes *b, int size)
+INLINE void exchange_lanes(LaneNumbers where, Lanes *a, Lanes *b, int size)
 {
     for (int i = 0; i < size; i++) {
         const Lanes kept = a[i];
@@ -204,8 +204,8 @@ static inline void eigen3_lanes(Lanes A[3][3], Lanes values[3], Lanes V[3][3])
     for (int i = 0; i < 2; i++)
         for (int j = 0; j < 2 - i; j++) {
             const LaneNumbers descend = values[j] > values[j + 1];
-            exchange(descend, values + j, values + j + 1, 1);
-            exchange(descend, V[j], V[j + 1], 3);
+            exchange_lanes(descend, values + j, values + j + 1, 1);
+            exchange_lanes(descend, V[j], V[j + 1], 3);
         }
 }
 

@@ -101,9 +101,9 @@ static void intersect_conics(Lanes forms[2][3][3], Lanes directions[4][3])
     for (int i = 0; i < 3; i++)
         c[1] += dot_lanes(minors[0][i], forms[1][i]), c[2] += dot_lanes(minors[1][i], forms[0][i]);
     const LaneNumbers turn = size_of_each(c[3]) < size_of_each(c[0]);
-    exchange(turn, c, c + 3, 1);
-    exchange(turn, c + 1, c + 2, 1);
-    exchange(turn, forms[0][0], forms[1][0], 9);
+    exchange_lanes(turn, c, c + 3, 1);
+    exchange_lanes(turn, c + 1, c + 2, 1);
+    exchange_lanes(turn, forms[0][0], forms[1][0], 9);
     for (int lane = 0; lane < LANES; lane++) {
         const double of_lane[4] = {LANE(c[0], lane), LANE(c[1], lane), LANE(c[2], lane), LANE(c[3], lane)};
         LANE(root, lane) = isolated_root(of_lane);
