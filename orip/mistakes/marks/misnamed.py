@@ -114,6 +114,9 @@ def misnamed_marks(adjustments: Sequence[MarkAdjustment]) -> list[ProjectWarning
         Of all templates and photos: together they tell how well marks fit.
     """
     films = [film for adjustment in adjustments if (film := _film(adjustment)) is not None]
+    if 2 * sum(film.adjustment.mirrored for film in films) > len(films):
+        # that is said of them already; three marks turned over are also two that are exchanged
+        films = [film for film in films if not film.adjustment.mirrored]
     found: dict[tuple[str, str], list[_Film]] = {}
     wrong: dict[tuple[str, str], list[_Film]] = {}
     for film in films:
