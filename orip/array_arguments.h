@@ -1,4 +1,5 @@
-/* Arguments of compiled functions: arrays of a kind, layout and length that are checked, and numbers after them.
+/* Arguments of compiled functions: arrays of a kind, layout and length that are checked, numbers after them, and room to
+ * work in.
  *
  * What is checked here and what is checked of the contents of index arrays is all that stands between a wrong call and
  * memory of somebody else: no function computes before all of its arguments have been checked.
@@ -22,10 +23,13 @@ typedef struct {
     Py_buffer views[MOST_ARRAYS];
     double numbers[MOST_NUMBERS];
     int opened;
+    void *room;
 } Arguments;
 
 static void release(Arguments *a)
 {
+    PyMem_Free(a->room);
+    a->room = NULL;
     while (a->opened > 0)
         PyBuffer_Release(&a->views[--a->opened]);
 }
@@ -86,7 +90,7 @@ static int stand_apart(const Arguments *a, const char *kinds)
 static int take_arguments(Arguments *a, PyObject *const *given, Py_ssize_t count, const char *kinds, int numbers)
 {
     const int arrays = (int)strlen(kinds);
-    a->opened = 0;
+    a->opened = 0, a->room = NULL;
     if (count != arrays + numbers) {
         PyErr_Format(PyExc_TypeError, "%d arguments are needed, not %zd", arrays + numbers, count);
         return 0;
@@ -118,6 +122,17 @@ static PyObject *refused(Arguments *a)
     return NULL;
 }
 
+/* Room that the arguments own; where there is none, they are released. */
+static inline void *room_of(Arguments *a, size_t bytes)
+{
+    a->room = PyMem_Malloc(bytes);
+    if (!a->room) {
+        release(a);
+        PyErr_NoMemory();
+    }
+    return a->room;
+}
+
 static inline PyObject *done(Arguments *a)
 {
     release(a);
@@ -131,39 +146,38 @@ static inline int64_t length_of(const Arguments *a, int array)
 
 static inline int has(const Arguments *a, int array, int64_t length) { return length_of(a, array) == length; }
 
-/* Whether all int32 of an array are at least `least` and below `end`; without a branch, so that many go at once. */
-static inline int are_within(const int32_t *numbers, int64_t count, int64_t least, int64_t end)
+static inline int have(const Arguments *a, int first, size_t count, const int64_t *lengths)
 {
-    int outside = 0;
-    for (int64_t k = 0; k < count; k++)
-        outside |= (numbers[k] < least) | (numbers[k] >= end);
-    return !outside;
+    int sound = 1;
+    for (size_t k = 0; k < count; k++)
+        sound &= has(a, first + (int)k, lengths[k]);
+    return sound;
 }
 
-static inline int are_within64(const int64_t *numbers, int64_t count, int64_t least, int64_t end)
-{
-    int outside = 0;
-    for (int64_t k = 0; k < count; k++)
-        outside |= (numbers[k] < least) | (numbers[k] >= end);
-    return !outside;
-}
+/* Whether arrays that follow one another have these lengths. */
+#define HAVE(a, first, ...) \
+    have(a, first, sizeof((int64_t[]){__VA_ARGS__}) / sizeof(int64_t), (const int64_t[]){__VA_ARGS__})
 
-/* Whether an array tells where each of `count` parts of a list of `length` begins, and where the last one ends. */
-static inline int are_starts(const int32_t *starts, int64_t count, int64_t length)
-{
-    int falling = starts[0] != 0 || starts[count] != length;
-    for (int64_t k = 0; k < count; k++)
-        falling |= starts[k] > starts[k + 1];
-    return !falling;
-}
-
-static inline int are_starts64(const int64_t *starts, int64_t count, int64_t length)
-{
-    int falling = starts[0] != 0 || starts[count] != length;
-    for (int64_t k = 0; k < count; k++)
-        falling |= starts[k] > starts[k + 1];
-    return !falling;
-}
+/* Whether all integers of an array are at least `least` and below `end`, without a branch, so that many go at once; and
+ * whether an array tells where each of `count` parts of a list of `length` begins, and where the last one ends.
+ */
+#define INDEX_CHECKS(integer, are_within, are_starts) \
+    static inline int are_within(const integer *numbers, int64_t count, int64_t least, int64_t end) \
+    { \
+        int outside = 0; \
+        for (int64_t k = 0; k < count; k++) \
+            outside |= (numbers[k] < least) | (numbers[k] >= end); \
+        return !outside; \
+    } \
+    static inline int are_starts(const integer *starts, int64_t count, int64_t length) \
+    { \
+        int falling = starts[0] != 0 || starts[count] != length; \
+        for (int64_t k = 0; k < count; k++) \
+            falling |= starts[k] > starts[k + 1]; \
+        return !falling; \
+    }
+INDEX_CHECKS(int32_t, are_within, are_starts)
+INDEX_CHECKS(int64_t, are_within64, are_starts64)
 
 /* Whether a number is a whole one between two others. */
 static inline int is_whole(double number, double least, double most)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import signal
 from collections.abc import Iterator
@@ -17,6 +18,23 @@ ON_ANY_MACHINE = settings(deadline=None, suppress_health_check=[HealthCheck.too_
 settings.register_profile("few examples", ON_ANY_MACHINE, max_examples=30)
 settings.register_profile("many examples", ON_ANY_MACHINE, max_examples=200)  # of 'make test-all'
 settings.load_profile("few examples")
+
+_ROOM = 4 << 30
+
+
+def _folder_in_memory() -> Path | None:
+    """Return where Linux keeps files in memory, if programs may be started there and there is room for all tests."""
+    folder = Path("/dev/shm")
+    if not folder.is_dir():
+        return None
+    found = os.statvfs(folder)
+    is_fit = found.f_bavail * found.f_frsize >= _ROOM and not found.f_flag & os.ST_NOEXEC
+    return folder if is_fit else None
+
+
+# thousands of commits wait for a disk otherwise, and no test takes the power away
+if memory := _folder_in_memory():
+    os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", str(memory))
 
 # a shell starts what it runs in the background with SIGINT ignored, and programs that a test starts would ignore it too
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

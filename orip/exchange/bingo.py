@@ -91,6 +91,7 @@ def _said_of_keywords(others: dict[str, int]) -> str:
 
 def _read_ground(rows: Iterator[tuple[int, list[str]]], faults: Faults) -> _Ground:
     found = _Ground()
+    known: dict[str, int] = {}
     for number, words in rows:
         key = words[0].upper()
         if key == _CAMERA and len(words) > 5:
@@ -99,7 +100,8 @@ def _read_ground(rows: Iterator[tuple[int, list[str]]], faults: Faults) -> _Grou
             found.cameras[words[1]] = ExchangedCamera(words[1], 0, 0, "isp", parameters, "BINGO", AXES, AXES)
         elif key in (_CONTROL, _CHECK):
             point = _control(words, number, key, faults)
-            found.control += [point] if point is not None else []
+            if point is not None and faults.is_first(point.name, "point", number, known):
+                found.control.append(point)
         elif key != "C":
             found.others[key] = found.others.get(key, 0) + 1
     return found
@@ -150,12 +152,14 @@ def _photos(
 ) -> list[ExchangedPhoto]:
     """Return the photos of image.dat; a photo begins with its name and camera, and ends with -99."""
     photos: list[ExchangedPhoto] = []
-    is_open = False
+    known: dict[str, int] = {}
+    is_open, number = False, 0
     for number, words in rows:
         if words[0] == _END:
             is_open = False
         elif not is_open or len(words) == 2:
             is_open = True
+            faults.is_first(words[0], "photo", number, known)
             camera = cameras.get(words[1]) if len(words) > 1 else None
             if camera is None:
                 faults.complain("a photo should begin with its name and a camera of geoin.dat (CAPA)", number)
@@ -164,6 +168,8 @@ def _photos(
             photos.append(ExchangedPhoto(words[0], camera or 0, pose[3:], pose[:3], key=len(photos)))
         else:
             _add_ray(words, number, len(photos) - 1, points, rays, faults)
+    if is_open:
+        faults.complain_of_end(f"photo {photos[-1].name}", _END, number)
     return photos
 
 

@@ -19,7 +19,7 @@ from orip.errors import Complaint
 from orip.exchange.format import with_assumed_frame
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays
 from orip.exchange.sources.text import Faults, numbered_words, text_lines
-from orip.files.text.shown import Parsed
+from orip.files.text.shown import Parsed, shown_token
 from orip.records.control import ControlPoint
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, ImageAxes, PoseReading
 from orip.wording import counted
@@ -35,6 +35,7 @@ _NUMBERS = {
 }  # fmt: skip
 
 
+_PHOTO_KEYS, _PHOTO_END = ("name", "sensor"), "ImageEnd"
 _FILM = ("SCAN", "FRAME")
 _FEWEST_MARKS, _LARGEST_MISFIT = 3, 0.5
 """Fiducial marks of a photo, and millimetres that they may be off their places."""
@@ -202,35 +203,50 @@ def _sensor(
 
 
 def _photos(
-    lines: list[tuple[int, str, list[str]]],
-    faults: Faults,
-    cameras: dict[str, int],
+    lines: Sequence[tuple[int, str, list[str]]], faults: Faults, cameras: dict[str, int]
 ) -> tuple[list[ExchangedPhoto], list[_Measured]]:
     """Return the photos, and what is measured in them."""
     photos: list[ExchangedPhoto] = []
     measured: list[_Measured] = []
-    name, is_point = "", False
-    for number, key, words in lines:
-        if key == "name":
-            name = " ".join(words)
-        elif key == "sensor":
-            camera = cameras.get(" ".join(words))
-            if camera is None:
-                faults.complain(f"there is no sensor '{' '.join(words)}' in gubaio.cam", number)
-            photos.append(ExchangedPhoto(name, camera or 0, key=len(photos)))
-            measured.append(_Measured(camera or 0, number))
-            is_point = False
-        elif key == "points":
-            is_point = True
+    known: dict[str, int] = {}
+    begin = 0
+    ends = [place for place, (_, key, _) in enumerate(lines) if key == _PHOTO_END.lower()]
+    for end in ends if ends and ends[-1] == len(lines) - 1 else [*ends, len(lines)]:
+        rows, begin = lines[begin:end], end + 1
+        given = {key: [(number, " ".join(words)) for number, of, words in rows if of == key] for key in _PHOTO_KEYS}
+        wrong = [f"{len(found)} {key}" for key, found in given.items() if len(found) != 1]
+        if wrong or end == len(lines):
+            which = "the last photo" if end == len(lines) else "a photo"
+            said = f"{which} has {' and '.join([*wrong, *([f'no {_PHOTO_END}'] if end == len(lines) else [])])}"
+            faults.complain(
+                f"{said}: each has one name, one sensor, and ends with {_PHOTO_END}; complete it", rows[-1][0]
+            )
+            continue
+        ((line, name),), ((at, sensor),) = given.values()
+        camera = cameras.get(sensor)
+        if camera is None:
+            faults.complain(f"there is no sensor '{shown_token(sensor)}' in gubaio.cam", at)
+        faults.is_first(name, "photo", line, known)
+        photos.append(ExchangedPhoto(name, camera or 0, key=len(photos)))
+        measured.append(_measured(rows, _Measured(camera or 0, at), faults))
+    return photos, measured
+
+
+def _measured(rows: Sequence[tuple[int, str, list[str]]], found: _Measured, faults: Faults) -> _Measured:
+    """Return what is measured in a photo: fiducial marks, and between Points and PointsEnd points."""
+    is_point = False
+    for number, key, words in rows:
+        if key in ("points", "pointsend"):
+            is_point = key == "points"
         elif key == "" and len(words) == 3:
             x, y = (faults.decimal(word, "x and y", number) for word in words[1:])
-            if measured and is_point:
-                measured[-1].points.append((words[0], (x, y)))
-            elif measured:
-                measured[-1].fiducials[words[0]] = (x, y)
+            if is_point:
+                found.points.append((words[0], (x, y)))
+            else:
+                found.fiducials[words[0]] = (x, y)
         elif key == "":
             faults.complain(f"{len(words)} fields, and 3 should be here: point x y", number)
-    return photos, measured
+    return found
 
 
 def _add_rays(
@@ -286,6 +302,7 @@ def _on_film(measured: FloatArray, given: FloatArray, image: FloatArray) -> tupl
 def _control(lines: list[tuple[int, str, list[str]]], faults: Faults) -> list[ControlPoint]:
     """Return control and check points; the second line of a check point, and tie points, are approximate."""
     found: list[ControlPoint] = []
+    known: dict[str, int] = {}
     section, is_second = "", False
     for number, key, words in lines:
         if key:
@@ -297,6 +314,8 @@ def _control(lines: list[tuple[int, str, list[str]]], faults: Faults) -> list[Co
         if values is None or is_approximate or section not in ("fullcontrol", "checkpoint"):
             continue
         x, y, z = values
+        if not faults.is_first(words[0], "point", number, known):
+            continue
         errors = (None, None, None) if section == "fullcontrol" else (_CHECK_ERROR, _CHECK_ERROR, _CHECK_ERROR)
         found.append(ControlPoint(words[0], (x, y, z), errors, line=number))
     return found

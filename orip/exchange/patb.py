@@ -33,6 +33,9 @@ _SUFFIXES = (".ori", ".im", ".con")
 _CAMERA = "camera.txt"
 _SETTING = re.compile(r"^\s*c\s*=\s*(\S+)", re.IGNORECASE)
 _END = "-99"
+_LISTS = 2
+"""Of control: X, Y, and Z."""
+
 _COLUMN = 16
 """Characters of a number of the matrix."""
 
@@ -114,9 +117,11 @@ def _orientations(path: Path, faults: Faults) -> dict[str, tuple[tuple[float, ..
         if line.strip() and not line.lstrip().startswith(("%", "#", _END))
     ]
     poses: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {}
+    known: dict[str, int] = {}
     for start in range(0, len(lines) - 2, 3):
         (number, first), (_, second), (_, third) = lines[start : start + 3]
         name, *rest = first.split()
+        faults.is_first(name, "photo", number, known)
         centre = faults.decimals(" ".join(rest[-3:]), 3, "X0 Y0 Z0", number)
         words = " ".join([*_numbers(second, 5), *_numbers(third, 4)])
         matrix = faults.decimals(words, 9, "a11 ... a33 in two lines", number + 1)
@@ -141,12 +146,14 @@ def _measurements(
     faults: Faults,
 ) -> list[ExchangedPhoto]:
     photos: list[ExchangedPhoto] = []
-    is_open = False
-    for number, words in numbered_words(text_lines(path, faults)):
+    known: dict[str, int] = {}
+    is_open, lines = False, text_lines(path, faults)
+    for number, words in numbered_words(lines):
         if words[0] == _END:
             is_open = False
         elif not is_open:
             is_open = True
+            faults.is_first(words[0], "photo", number, known)
             centre, matrix = poses.get(words[0], ((), ()))
             photos.append(ExchangedPhoto(words[0], 0, matrix, centre, key=len(photos)))
         elif len(words) < 3:
@@ -154,6 +161,8 @@ def _measurements(
         else:
             x, y = (faults.decimal(word, "x and y", number) for word in words[1:3])
             rays.add(len(photos) - 1, points.add(words[0]), (x, y))
+    if is_open:
+        faults.complain_of_end(f"photo {photos[-1].name}", _END, len(lines))
     return photos
 
 
@@ -161,10 +170,16 @@ def _control(path: Path, faults: Faults) -> Iterator[ControlPoint]:
     """Return the points of the list of X, Y and of the list of Z, in this order; a full point is in both."""
     plan: dict[str, tuple[float, float, int]] = {}
     heights: dict[str, tuple[float, int]] = {}
-    is_plan = True
-    for number, words in numbered_words(text_lines(path, faults)):
+    ended, lines = 0, text_lines(path, faults)
+    for number, words in numbered_words(lines):
+        is_plan = ended == 0
         if words[0] == _END:
-            is_plan = False
+            ended += 1
+        elif ended >= _LISTS:
+            faults.complain(f"the lists of X, Y and of Z end with {_END}, and here is more; remove it", number)
+            break
+        elif words[0] in (plan if is_plan else heights):
+            faults.complain(f"point {words[0]} is here again; remove or rename one of the two", number)
         elif len(words) < (3 if is_plan else 2):
             faults.complain(f"the line should be: point {'X Y' if is_plan else 'Z'} [group]", number)
         elif is_plan:
@@ -172,6 +187,8 @@ def _control(path: Path, faults: Faults) -> Iterator[ControlPoint]:
             plan[words[0]] = (x, y, number)
         else:
             heights[words[0]] = (faults.decimal(words[1], "Z", number), number)
+    if ended < _LISTS:
+        faults.complain_of_end(f"the list of {'Z' if ended else 'X, Y'}", _END, len(lines))
     for name in {**plan, **heights}:
         place, height = plan.get(name), heights.get(name)
         line = place[2] if place is not None else height[1] if height is not None else 0

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from conversion.exchanged_blocks import block
-from exchange.imported import read_well, reprojected, written
+from exchange.imported import Read, read_well, reprojected, written
 from exchange.test_metric import PIXEL_MM, numbers, rows_of
 
 from orip.exchange.bingo import READING, is_bingo, read_bingo
@@ -116,11 +117,12 @@ def test_what_is_wrong_is_told_with_its_line(tmp_path: Path) -> None:
         ("P/camera.txt", 1),
         ("P/block.con", 1),
         ("P/block.con", 3),
+        ("P/block.con", 4),
     ]
     folder = bingo_files(tmp_path / "b", replace(block(READING)))
     written(folder / "image.dat", "0.jpg CAM\n1 2\n1 x 2\n")
     parsed = read_bingo(folder, "B")
-    assert [one.line for one in parsed.complaints] == [2, 3]
+    assert [one.line for one in parsed.complaints] == [2, 3, 3]
 
 
 def test_orientations_are_found_in_other_upper_and_lower_case(tmp_path: Path) -> None:
@@ -131,3 +133,42 @@ def test_orientations_are_found_in_other_upper_and_lower_case(tmp_path: Path) ->
     project = read_well(read_bingo, folder)
     assert [bool(photo.rotation) for photo in project.photos] == [True, True, False, True, True, True]
     assert "1 photo of image.dat without orientation, as no oriented photo has the names there: 2.jpg." in project.notes
+
+
+@pytest.mark.parametrize(
+    ("read", "files", "name", "last"),
+    [
+        (read_bingo, bingo_files, "image.dat", "-99\n"),
+        (read_patb, patb_files, "block.im", "-99\n"),
+        (read_patb, patb_files, "block.con", "1 30.5\n3 31 5\n-99\n"),
+        (read_patb, patb_files, "block.con", "-99\n1 30.5\n3 31 5\n-99\n"),
+    ],
+)
+def test_a_file_that_is_cut_off_is_refused(
+    tmp_path: Path, read: Read, files: Callable[[Path, ExchangedProject], Path], name: str, last: str
+) -> None:
+    folder = files(tmp_path, block(READING if read is read_bingo else READINGS[0]))
+    path = folder / name
+    written(path, path.read_text(encoding="utf-8").removesuffix(last))
+    assert [one.path for one in read(folder, "P").complaints if "the file is cut off" in one.message] == [f"P/{name}"]
+
+
+@pytest.mark.parametrize(
+    ("read", "files", "name"),
+    [
+        (read_bingo, bingo_files, "image.dat"),
+        (read_bingo, bingo_files, "geoin.dat"),
+        (read_patb, patb_files, "block.im"),
+        (read_patb, patb_files, "block.ori"),
+        (read_patb, patb_files, "block.con"),
+    ],
+)
+def test_what_is_there_twice_is_refused(
+    tmp_path: Path, read: Read, files: Callable[[Path, ExchangedProject], Path], name: str
+) -> None:
+    folder = files(tmp_path, block(READING if read is read_bingo else READINGS[0]))
+    path = folder / name
+    written(path, 2 * path.read_text(encoding="utf-8"))
+    found = read(folder, "P").complaints
+    assert found
+    assert all(one.path == f"P/{name}" and ("again" in one.message or "here is more" in one.message) for one in found)

@@ -133,3 +133,17 @@ def test_the_second_example_of_the_thesis_is_read(tmp_path: Path) -> None:
     assert (len(project.photos), len(project.rays.photo)) == (15, 227)
     assert [point.kind for point in project.control if point.errors[0]] == ["check"] * 3
     assert len(project.control) == 21
+
+
+@pytest.mark.parametrize(
+    ("img", "said"),
+    [
+        (IMG.replace("ImageEnd\n", ""), "the last photo has no ImageEnd"),
+        (IMG.replace("ImageEnd\n", "") + IMG, "a photo has 2 name and 2 sensor"),
+        (IMG.replace("sensor = dcs\n", ""), "a photo has 0 sensor"),
+        (IMG + IMG, "photo st1 is here again, after line 2"),
+    ],
+)
+def test_photos_that_are_not_whole_or_there_twice_are_refused(tmp_path: Path, img: str, said: str) -> None:
+    (fault,) = read_gubaio(folder_of(tmp_path, img), "G").complaints
+    assert fault.message.startswith(said)

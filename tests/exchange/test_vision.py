@@ -122,10 +122,15 @@ def test_beginnings_tell_the_formats_apart(tmp_path: Path) -> None:
 
 
 def test_names_of_photos_are_those_of_the_list(tmp_path: Path) -> None:
-    written(tmp_path / "list.txt", "zero.jpg\none.jpg 0 300.0\n")
-    project = read_well(read_bundler, written(tmp_path / "bundle.out", bundler(block(BUNDLER))))
-    assert [photo.name for photo in project.photos[:2]] == ["one.jpg", "photo2"]
+    names = ["zero.jpg", "one.jpg 0 300.0", *(f"{n}.jpg" for n in range(2, 7))]
+    written(tmp_path / "list.txt", "\n".join(names))
+    source = written(tmp_path / "bundle.out", bundler(block(BUNDLER)))
+    project = read_well(read_bundler, source)
+    assert [photo.name for photo in project.photos[:2]] == ["one.jpg", "2.jpg"]
     assert project.notes == ("1 photo not oriented, left out.",)
+    written(tmp_path / "list.txt", "\n".join(names[:-1]))
+    (fault,) = read_bundler(source, "P/bundle.out").complaints
+    assert (fault.path, fault.message[:39]) == ("P/list.txt", "6 photos, and bundle.out has 7 cameras:")
 
 
 def ideal_residuals(project: ExchangedProject) -> np.ndarray:

@@ -4,9 +4,6 @@
  * orip/interior/image_coordinates.py with what it imports; tests/bundle/test_photo_loop.py compares every row of partials with theirs.
  */
 
-#ifndef ORIP_COLLINEARITY_H
-#define ORIP_COLLINEARITY_H
-
 #include <math.h>
 #include <stdint.h>
 
@@ -344,5 +341,3 @@ INLINE void collinearity(const Ray *ray, int is_equidistant, int at_measured, co
         }
     }
 }
-
-#endif

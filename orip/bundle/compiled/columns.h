@@ -6,9 +6,6 @@
  * and T^T Q T.
  */
 
-#ifndef ORIP_COLUMNS_H
-#define ORIP_COLUMNS_H
-
 #include "block.h"
 
 /* Rows of T: two columns and their factors each. */
@@ -143,5 +140,3 @@ INLINE void vector_to_columns(const Pattern *p, const Local *local, double *vect
         if (has_terms(p, local->runs[r], &t))
             to_columns(&t, vector + local->first[r]);
 }
-
-#endif

@@ -3,9 +3,6 @@
  * For the formulas and their source see orip/adjustment/factorisation/null_space.py.
  */
 
-#ifndef ORIP_INNER_CONSTRAINTS_H
-#define ORIP_INNER_CONSTRAINTS_H
-
 #include "normals.h"
 
 #define MOST_MOVEMENTS 8
@@ -201,5 +198,3 @@ INLINE void transform_cofactors(const Amounts *amounts, const double *of_columns
                 cofactors[3 * j + i] -= sum;
         }
 }
-
-#endif

@@ -1,8 +1,5 @@
 /* The parts of the inverse of the reduced system that a group needs: of its photos, of its cameras, and of both. */
 
-#ifndef ORIP_INVERSE_PARTS_H
-#define ORIP_INVERSE_PARTS_H
-
 #include "normals.h"
 
 /* Half of the inverse by the columns of some cameras, H + H^T being all of it: its columns, each to the diagonal, which is
@@ -125,5 +122,3 @@ INLINE void take_parts(const Pattern *p, const Reduced *inverse, const Local *lo
     }
     take_part_of_both(p, inverse, local, stretch, part->by_both + part->photos * part->of_cameras, part);
 }
-
-#endif

@@ -1,8 +1,5 @@
 /* The layout of a block: its index arrays, copied and checked once, and how its groups are shared out among threads. */
 
-#ifndef ORIP_LAYOUT_H
-#define ORIP_LAYOUT_H
-
 #include "../../array_arguments.h"
 
 #include "loops.h"
@@ -242,5 +239,3 @@ static PyObject *layout(PyObject *Py_UNUSED(module), PyObject *const *arguments,
         PyMem_Free(l);
     return found || PyErr_Occurred() ? found : refused(&a);
 }
-
-#endif

@@ -58,13 +58,12 @@ static int take_block(Call *call)
     b->xy = v[XY].buf, b->error = v[ERROR].buf;
     b->motions = v[MOTIONS].len > 0 ? v[MOTIONS].buf : NULL, b->moved = v[MOVED].buf, b->rows_a_mm = v[ROWS_A_MM].buf;
     b->turned = v[BASES].len > 0, b->moving = v[ROWS_A_MM].len > 0;
-    return has(a, CAMERAS, CAMERA_PARAMETERS * b->camera_count)
-        && has(a, DEFORMATION, 2 * PRODUCTS * b->camera_count) && has(a, CENTRES, 3 * b->photo_count) && has(a, ROTATIONS, 9 * b->photo_count)
-        && (!b->turned || has(a, BASES, 9 * b->photo_count)) && length_of(a, GROUND) / 3 >= call->points
-        && has(a, SET_POLYNOMIALS, POLYNOMIALS * POLYNOMIALS * b->camera_count)
-        && has(a, TERM_FACTORS, 2 * MOST_CAMERA_UNKNOWNS * b->camera_count) && has(a, XY, 2 * b->count)
-        && has(a, ERROR, 2 * b->count) && (!b->motions || has(a, MOTIONS, 6 * b->photo_count))
-        && has(a, MOVED, b->moving ? 6 * b->photo_count : 0) && (!b->moving || has(a, ROWS_A_MM, 2 * b->camera_count));
+    const int64_t cameras = b->camera_count, photos = b->photo_count;
+    return HAVE(a, CAMERAS, CAMERA_PARAMETERS * cameras, 2 * PRODUCTS * cameras, 3 * photos, 9 * photos,
+                b->turned ? 9 * photos : 0)
+        && length_of(a, GROUND) / 3 >= call->points
+        && HAVE(a, SET_POLYNOMIALS, POLYNOMIALS * POLYNOMIALS * cameras, 2 * MOST_CAMERA_UNKNOWNS * cameras, 2 * b->count,
+                2 * b->count, b->motions ? 6 * photos : 0, b->moving ? 6 * photos : 0, b->moving ? 2 * cameras : 0);
 }
 
 /* The first address from `memory` on at which a line of the cache begins: vectors do not cross lines then. */
@@ -214,8 +213,7 @@ static PyObject *points(PyObject *Py_UNUSED(module), PyObject *const *arguments,
         return refuse(&c);
     const Py_buffer *v = c.a.views;
     const int64_t rows = 2 * c.block.count, blocks = c.pattern.blocks;
-    if (!has(&c.a, FACTOR, rows) || !has(&c.a, MISCLOSURE, rows) || !has(&c.a, BLOCKS, 9 * blocks)
-        || !has(&c.a, BLOCK_RIGHT, 3 * blocks) || !has(&c.a, SQUARES, blocks))
+    if (!HAVE(&c.a, FACTOR, rows, rows, 9 * blocks, 3 * blocks, blocks))
         return refuse(&c);
     const PointNormals n = {v[FACTOR].buf, v[MISCLOSURE].buf, v[BLOCKS].buf, v[BLOCK_RIGHT].buf, v[SQUARES].buf};
     return work(&c, c.pattern.shares, form_points, NULL, &n);
@@ -226,10 +224,20 @@ static void form_normals(const Call *c, int64_t share, const void *arrays)
     c->loops->normals(&c->block, &c->pattern, groups_of(c, share), arrays, c->numbers, c->room, c->room + c->pattern.room);
 }
 
-static void add_normals_of(const Call *c, int64_t share, const void *arrays)
-{
-    c->loops->add_normals(&c->block, &c->pattern, groups_of(c, share), arrays, c->numbers, c->room);
-}
+/* What most loops do with a share of the points. */
+#define STEP(name, loop) \
+    static void name(const Call *c, int64_t share, const void *arrays) \
+    { \
+        c->loops->loop(&c->block, &c->pattern, groups_of(c, share), arrays, c->numbers, c->room); \
+    }
+STEP(add_normals_of, add_normals)
+STEP(compute_precision, precision)
+STEP(sum_movements, movements)
+STEP(add_movements_of, add_movements)
+STEP(sum_forward, forward)
+STEP(add_forward_of, add_forward)
+STEP(substitute_back, backward)
+STEP(form_right, right)
 
 static PyObject *eliminate(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
@@ -245,22 +253,15 @@ static PyObject *eliminate(PyObject *Py_UNUSED(module), PyObject *const *argumen
         || !take_pattern(&c, n.reduced.size))
         return refuse(&c);
     const Py_buffer *v = c.a.views;
-    const int64_t rows = 2 * c.block.count, blocks = c.pattern.blocks;
-    if (!has(&c.a, WEIGHT, rows) || !has(&c.a, RESIDUAL, rows) || !has(&c.a, FIXED, 3 * blocks)
-        || !has(&c.a, BLOCKS, 9 * blocks) || !has(&c.a, FACTOR, rows) || !has(&c.a, BLOCK_RIGHT, 3 * blocks) || !has(&c.a, DIAGONAL, n.reduced.size)
-        || !has(&c.a, RIGHT, n.reduced.size) || !has(&c.a, HALF, 9 * blocks) || !has(&c.a, PIVOTS, 3 * blocks)
-        || !has(&c.a, REMOVED, 3 * blocks))
+    const int64_t rows = 2 * c.block.count, blocks = c.pattern.blocks, size = n.reduced.size;
+    if (!HAVE(&c.a, WEIGHT, rows, rows, 3 * blocks, 9 * blocks, rows, 3 * blocks, size, size, 9 * blocks, 3 * blocks,
+              3 * blocks))
         return refuse(&c);
     n.weight = v[WEIGHT].buf, n.residual = v[RESIDUAL].buf, n.factor = v[FACTOR].buf, n.fixed = v[FIXED].buf;
     n.blocks = v[BLOCKS].buf, n.block_right = v[BLOCK_RIGHT].buf, n.diagonal = v[DIAGONAL].buf, n.right = v[RIGHT].buf;
     n.half = v[HALF].buf, n.pivots = v[PIVOTS].buf, n.removed = v[REMOVED].buf;
     n.least_pivot = c.a.numbers[0], n.on_diagonal = c.a.numbers[1];
     return work(&c, c.pattern.shares, form_normals, add_normals_of, &n);
-}
-
-static void compute_precision(const Call *c, int64_t share, const void *arrays)
-{
-    c->loops->precision(&c->block, &c->pattern, groups_of(c, share), arrays, c->numbers, c->room);
 }
 
 /* The movements of the points of a free network, from four arrays. */
@@ -271,18 +272,7 @@ static int take_movements(const Call *c, int first, Movements *m)
     const int64_t blocks = c->pattern.blocks;
     m->homogeneous = v[HOMOGENEOUS].buf, m->coefficients = v[COEFFICIENTS].buf;
     m->free = v[FREE].buf, m->defining = v[DEFINING].buf;
-    return has(&c->a, first + HOMOGENEOUS, 4 * blocks) && has(&c->a, first + COEFFICIENTS, 12 * MOST_MOVEMENTS)
-        && has(&c->a, first + FREE, 3 * blocks) && has(&c->a, first + DEFINING, 3 * blocks);
-}
-
-static void sum_movements(const Call *c, int64_t share, const void *arrays)
-{
-    c->loops->movements(&c->block, &c->pattern, groups_of(c, share), arrays, c->numbers, c->room);
-}
-
-static void add_movements_of(const Call *c, int64_t share, const void *arrays)
-{
-    c->loops->add_movements(&c->block, &c->pattern, groups_of(c, share), arrays, c->numbers, c->room);
+    return HAVE(&c->a, first, 4 * blocks, 12 * MOST_MOVEMENTS, 3 * blocks, 3 * blocks);
 }
 
 static PyObject *movements(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
@@ -294,8 +284,8 @@ static PyObject *movements(PyObject *Py_UNUSED(module), PyObject *const *argumen
         return NULL;
     const int64_t size = length_of(&c.a, REDUCED) / MOST_MOVEMENTS;
     if (!take_block(&c) || !take_pattern(&c, size) || !take_movements(&c, MOVEMENTS, &s.movements)
-        || !has(&c.a, FACTOR, 2 * c.block.count) || !has(&c.a, HALF, 9 * c.pattern.blocks)
-        || !has(&c.a, REDUCED, size * MOST_MOVEMENTS) || !has(&c.a, OWN, NUMBERS_OF_OWN))
+        || !HAVE(&c.a, FACTOR, 2 * c.block.count, 9 * c.pattern.blocks)
+        || !HAVE(&c.a, REDUCED, size * MOST_MOVEMENTS, NUMBERS_OF_OWN))
         return refuse(&c);
     const Py_buffer *v = c.a.views;
     s.factor = v[FACTOR].buf, s.half = v[HALF].buf, s.reduced = v[REDUCED].buf, s.own = v[OWN].buf;
@@ -311,11 +301,8 @@ static int take_amounts_of(const Call *c, int first, int64_t size, Amounts *amou
     amounts->with_reduced = v[WITH_REDUCED].buf, amounts->half_of_own = v[HALF_OF_OWN].buf;
     if (amounts->is_free)
         return take_movements(c, first + MOVEMENTS, &amounts->movements)
-            && has(&c->a, first + WITH_REDUCED, size * MOST_MOVEMENTS) && has(&c->a, first + HALF_OF_OWN, MOST_MOVEMENTS);
-    for (int array = first; array <= first + HALF_OF_OWN; array++)
-        if (!has(&c->a, array, 0))
-            return 0;
-    return 1;
+            && HAVE(&c->a, first + WITH_REDUCED, size * MOST_MOVEMENTS, MOST_MOVEMENTS);
+    return HAVE(&c->a, first, 0, 0, 0, 0, 0, 0);
 }
 
 static PyObject *precision(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
@@ -330,27 +317,11 @@ static PyObject *precision(PyObject *Py_UNUSED(module), PyObject *const *argumen
         return refuse(&c);
     const Py_buffer *v = c.a.views;
     const int64_t rows = 2 * c.block.count, blocks = c.pattern.blocks;
-    if (!has(&c.a, FACTOR, rows) || !has(&c.a, SCALE, rows) || !has(&c.a, HALF, 9 * blocks)
-        || !has(&c.a, COFACTORS, 9 * blocks) || !has(&c.a, LEVERAGE, rows))
+    if (!HAVE(&c.a, FACTOR, rows, rows, 9 * blocks) || !HAVE(&c.a, COFACTORS, 9 * blocks, rows))
         return refuse(&c);
     p.factor = v[FACTOR].buf, p.scale = v[SCALE].buf, p.half = v[HALF].buf;
     p.cofactors = v[COFACTORS].buf, p.leverage = v[LEVERAGE].buf;
     return work(&c, c.pattern.shares, compute_precision, NULL, &p);
-}
-
-static void sum_forward(const Call *c, int64_t share, const void *arrays)
-{
-    c->loops->forward(&c->block, &c->pattern, groups_of(c, share), arrays, c->numbers, c->room);
-}
-
-static void add_forward_of(const Call *c, int64_t share, const void *arrays)
-{
-    c->loops->add_forward(&c->block, &c->pattern, groups_of(c, share), arrays, c->numbers, c->room);
-}
-
-static void substitute_back(const Call *c, int64_t share, const void *arrays)
-{
-    c->loops->backward(&c->block, &c->pattern, groups_of(c, share), arrays, c->numbers, c->room);
 }
 
 static PyObject *coupling(PyObject *const *arguments, Py_ssize_t given, int forward)
@@ -362,9 +333,8 @@ static PyObject *coupling(PyObject *const *arguments, Py_ssize_t given, int forw
     if (!is_whole(c.a.numbers[0], 1.0, MOST_VECTORS))
         return refuse(&c);
     const int64_t vectors = (int64_t)c.a.numbers[0], size = length_of(&c.a, REDUCED) / vectors;
-    if (!take_block(&c) || !take_pattern(&c, size) || !has(&c.a, REDUCED, vectors * size)
-        || !has(&c.a, FACTOR, 2 * c.block.count) || !has(&c.a, HALF, 9 * c.pattern.blocks)
-        || !has(&c.a, POINTS, vectors * 3 * c.pattern.blocks))
+    if (!take_block(&c) || !take_pattern(&c, size)
+        || !HAVE(&c.a, FACTOR, 2 * c.block.count, 9 * c.pattern.blocks, vectors * size, vectors * 3 * c.pattern.blocks))
         return refuse(&c);
     const Py_buffer *v = c.a.views;
     const Coupling found = {v[FACTOR].buf, v[HALF].buf, v[REDUCED].buf, v[POINTS].buf, vectors, size};
@@ -382,11 +352,6 @@ static PyObject *backward(PyObject *Py_UNUSED(module), PyObject *const *argument
     return coupling(arguments, given, 0);
 }
 
-static void form_right(const Call *c, int64_t share, const void *arrays)
-{
-    c->loops->right(&c->block, &c->pattern, groups_of(c, share), arrays, c->numbers, c->room);
-}
-
 static PyObject *right(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
     enum { FACTOR = PATTERN_END, MISCLOSURE, REDUCED, POINTS };
@@ -394,8 +359,7 @@ static PyObject *right(PyObject *Py_UNUSED(module), PyObject *const *arguments, 
     if (!begin(&c, arguments, given, OBSERVATIONS PATTERN "dd" "DD", 0))
         return NULL;
     const int64_t size = length_of(&c.a, REDUCED), rows = 2 * c.block.count;
-    if (!take_block(&c) || !take_pattern(&c, size) || !has(&c.a, FACTOR, rows) || !has(&c.a, MISCLOSURE, rows)
-        || !has(&c.a, POINTS, 3 * c.pattern.blocks))
+    if (!take_block(&c) || !take_pattern(&c, size) || !HAVE(&c.a, FACTOR, rows, rows, size, 3 * c.pattern.blocks))
         return refuse(&c);
     const Py_buffer *v = c.a.views;
     const RightSide r = {{v[FACTOR].buf, NULL, v[REDUCED].buf, v[POINTS].buf, 1, size}, v[MISCLOSURE].buf};

@@ -1,8 +1,5 @@
 /* The three unknowns of a point: their block of the normal equations factored. */
 
-#ifndef ORIP_POINT_BLOCKS_H
-#define ORIP_POINT_BLOCKS_H
-
 #include <math.h>
 #include <stdint.h>
 
@@ -99,5 +96,3 @@ INLINE void multiply(const double *matrix, const double *vector, double *result)
     for (int i = 0; i < 3; i++)
         result[i] = matrix[3 * i] * vector[0] + matrix[3 * i + 1] * vector[1] + matrix[3 * i + 2] * vector[2];
 }
-
-#endif

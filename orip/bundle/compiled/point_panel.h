@@ -1,8 +1,5 @@
 /* Points that are eliminated from the columns of their photos together. */
 
-#ifndef ORIP_POINT_PANEL_H
-#define ORIP_POINT_PANEL_H
-
 #include "sums.h"
 
 /* Points that are eliminated together, for each a bit, and the products that they make in an element of the sums. */
@@ -120,5 +117,3 @@ static void eliminate_points(const Local *local, const Sums *s, PointPanel *pane
     }
     panel->points = 0;
 }
-
-#endif

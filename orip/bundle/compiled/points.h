@@ -1,8 +1,5 @@
 /* Normal equations of each point by itself, with cameras and photos held. */
 
-#ifndef ORIP_POINTS_H
-#define ORIP_POINTS_H
-
 #include "block.h"
 
 typedef struct {
@@ -45,5 +42,3 @@ static void points_loop(const Block *b, const Pattern *p, Share share, const Poi
         }
     }
 }
-
-#endif

@@ -6,9 +6,6 @@
  * in a, and its form is 2 c v + p Q p^T with the part of Q by photos.
  */
 
-#ifndef ORIP_PRECISION_H
-#define ORIP_PRECISION_H
-
 #include "inner_constraints.h"
 #include "inverse_parts.h"
 
@@ -431,5 +428,3 @@ static void precision_loop(const Block *b, const Pattern *p, Share share, const 
         }
     }
 }
-
-#endif

@@ -6,9 +6,6 @@
  * columns of the cameras is multiplied here; by those of photos, of which a point has few, E^T E is less.
  */
 
-#ifndef ORIP_RAY_PANEL_H
-#define ORIP_RAY_PANEL_H
-
 #include "point_blocks.h"
 #include "sums.h"
 
@@ -223,5 +220,3 @@ INLINE void end_group(const RayPanel *panel, const Local *local, const Sums *s)
         for (int64_t i = 0; i < local->size - local->cameras; i++)
             photos_of(s, j)[i] = panel->by_photos[i * panel->length + j];
 }
-
-#endif

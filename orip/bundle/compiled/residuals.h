@@ -1,8 +1,5 @@
 /* Residuals of photo points, and for each coordinate whether it can be computed. */
 
-#ifndef ORIP_RESIDUALS_H
-#define ORIP_RESIDUALS_H
-
 #include "block.h"
 
 static void residual_loop(const Block *b, Share share, double *residual, uint8_t *in_front)
@@ -27,5 +24,3 @@ static void residual_loop(const Block *b, Share share, double *residual, uint8_t
         }
     }
 }
-
-#endif

@@ -1,8 +1,5 @@
 /* Forward and backward substitution: the coupling of eliminated points with reduced unknowns, H N_pr, times vectors, some of them at once. */
 
-#ifndef ORIP_SUBSTITUTION_H
-#define ORIP_SUBSTITUTION_H
-
 #include "precision.h"
 
 #define MOST_VECTORS 8
@@ -149,5 +146,3 @@ static void backward_loop(const Block *b, const Pattern *p, Share share, const C
 {
     coupling_loop(b, p, share, c, 0, numbers, room);
 }
-
-#endif

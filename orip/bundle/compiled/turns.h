@@ -5,9 +5,6 @@
  * the last bit, however many threads there are.
  */
 
-#ifndef ORIP_TURNS_H
-#define ORIP_TURNS_H
-
 #include "../../array_arguments.h"
 
 #define TURNS_NAME "orip.bundle.compiled.turns"
@@ -107,5 +104,3 @@ static void leave(Turns *t, int64_t turns_taken)
     }
     PyThread_release_lock(t->entrance);
 }
-
-#endif

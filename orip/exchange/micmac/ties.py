@@ -10,8 +10,8 @@ import numpy as np
 from msgspec import Struct
 
 from orip.arrays import FloatArray
-from orip.exchange.sources.text import Faults
-from orip.files.text.lines import read_bytes, read_lines
+from orip.exchange.sources.text import Faults, text_lines
+from orip.files.text.lines import read_bytes
 from orip.files.text.shown import shown_token
 
 # A pair has column and row in the first photo and in the second one: a line of a text; in a binary file (little endian)
@@ -86,9 +86,7 @@ def read_pairs(path: Path, photos: tuple[int, int], joiner: TrackJoiner, faults:
     if path.suffix.lower() == ".dat":
         _read_binary(path, photos, joiner, faults)
         return
-    lines = read_lines(path, faults.shown)
-    faults.complaints += lines.complaints
-    for number, line in enumerate(lines.value, start=1):
+    for number, line in enumerate(text_lines(path, faults), start=1):
         if not line.strip():
             continue
         values = faults.decimals(line, 4, "column and row in both photos", number)
@@ -233,8 +231,12 @@ def read_multiple_ties(path: Path, photos: dict[str, int], joiner: TrackJoiner, 
     faults : Faults
         Takes the complaints.
     """
-    data, complaints = read_bytes(path, faults.shown)
-    faults.complaints += complaints
+    is_text = path.suffix.lower() == ".txt"
+    if is_text:
+        data: bytes | None = "\n".join(text_lines(path, faults)).encode()
+    else:
+        data, complaints = read_bytes(path, faults.shown)
+        faults.complaints += complaints
     if data is None:
         return
     end = data.find(_END + b"\n", 0, _LONGEST_LINE)
@@ -243,7 +245,7 @@ def read_multiple_ties(path: Path, photos: dict[str, int], joiner: TrackJoiner, 
         return
     begin = end + len(_END) + 1
     numbers: _Numbers = _Binary(data, begin)
-    if path.suffix.lower() == ".txt":
+    if is_text:
         numbers = _Text(data.split(b"\n"), data.count(b"\n", 0, begin), [])
     try:
         for pixels, places in _points(numbers, photos, len(data)):

@@ -10,8 +10,7 @@ from pathlib import Path
 from msgspec import Struct
 
 from orip.exchange.sources.json_tree import JsonValue
-from orip.exchange.sources.text import Faults
-from orip.files.text.lines import read_lines
+from orip.exchange.sources.text import Faults, text_lines
 from orip.files.text.shown import shown_token
 
 # The first line of both names the coordinate system: ``EPSG:n``, ``WGS84 UTM 33N``, ``WGS84 UPS south``, ``WGS84``
@@ -116,9 +115,7 @@ _CONTROL_FIELDS, _PLACE_FIELDS, _FIELDS_WITH_ANGLES, _FIELDS_WITH_ACCURACY = 6, 
 
 
 def _rows(path: Path, faults: Faults) -> tuple[str, Iterator[tuple[int, list[str]]]]:
-    lines = read_lines(path, faults.shown)
-    faults.complaints += lines.complaints
-    numbered = ((number, line.strip()) for number, line in enumerate(lines.value, start=1))
+    numbered = ((number, line.strip()) for number, line in enumerate(text_lines(path, faults), start=1))
     texts = ((number, text) for number, text in numbered if text and not text.startswith("#"))
     number, heading = next(texts, (1, ""))
     crs = crs_of_heading(heading)

@@ -14,7 +14,6 @@ from msgspec import Struct
 
 from orip.arrays import FloatArray, IntArray
 from orip.exchange.sources.text import Faults, text_lines
-from orip.files.text.lines import read_lines
 from orip.files.text.shown import shown_token
 
 _SIZE = re.compile(r"\s*feature_process_size\s*:\s*([0-9]{2,6})\b")
@@ -94,14 +93,15 @@ def read_features(path: Path, faults: Faults, photos: Mapping[str, int], points:
     photos, points : mapping of str to int
         Places by the names of photos and of tracks.
     """
-    lines = read_lines(path, faults.shown)
-    faults.complaints += lines.complaints
-    first = lines.value[0] if lines.value else ""
+    lines = text_lines(path, faults)
+    while lines and not lines[-1].strip():
+        lines.pop()
+    first = lines[0] if lines else ""
     fields = _fields_of_version(first, faults)
     begin = 1 if first.startswith(_HEAD) else 0
     found = _Gathered(photos, points)
-    for place in range(begin, len(lines.value), _LINES_AT_ONCE):
-        several = lines.value[place : place + _LINES_AT_ONCE]
+    for place in range(begin, len(lines), _LINES_AT_ONCE):
+        several = lines[place : place + _LINES_AT_ONCE]
         if not found.add_sound(several, fields):
             for number, line in enumerate(several, start=place + 1):
                 if line.strip():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 from msgspec import Struct
@@ -12,6 +11,7 @@ from orip.arrays import BoolArray, rows_of_groups
 from orip.exchange.conversion.cameras import ConvertedCamera
 from orip.exchange.conversion.poses import described_reading
 from orip.exchange.project.block import ImportedBlock
+from orip.exchange.project.kept_rays import KeptRays, rays_kept
 from orip.exchange.project.rigs import imported_rigs
 from orip.exchange.sources.names import NAMES_FILE, TRACK_MARK, is_named_as_track, names_text, unique_names
 from orip.files.control.preliminary_text import coordinates_text
@@ -88,7 +88,7 @@ def imported_texts(block: ImportedBlock, source: ImportSource, precision: float 
     """
     notes: list[str] = []
     control = _control(block, notes)
-    kept = _rays_kept(block, control, notes)
+    kept = rays_kept(block, control, notes)
     definition = _definition(block, source, _precision(block, notes) if precision is None else precision, control, kept)
     texts = {f"{BUNDLE}.MEA": _measurements(block, source, kept.rows)}
     texts[f"{BUNDLE}.PRE"] = _preliminary(block, control, kept.rows)
@@ -106,7 +106,7 @@ def imported_texts(block: ImportedBlock, source: ImportSource, precision: float 
 
 
 def _definition(
-    block: ImportedBlock, source: ImportSource, precision: float, control: Sequence[ControlPoint], kept: _Kept
+    block: ImportedBlock, source: ImportSource, precision: float, control: Sequence[ControlPoint], kept: KeptRays
 ) -> ProjectDefinition:
     title = project_title(source.title)
     is_free = not any(point.kind == "control" for point in control) and not _usable_stations(block)
@@ -194,31 +194,6 @@ def _control(block: ImportedBlock, notes: list[str]) -> tuple[ControlPoint, ...]
             "were assumed; write what is known into the .PNT file."
         )
     return tuple(control)
-
-
-class _Kept(NamedTuple):
-    """Which rays are written, array (k,) of bool, and whether a photo shows one of their points twice."""
-
-    rows: BoolArray
-    has_repetitions: bool
-
-
-def _rays_kept(block: ImportedBlock, control: Sequence[ControlPoint], notes: list[str]) -> _Kept:
-    """Return which rays are written: those of a point that only one photo shows say nothing unless it is control."""
-    rays = block.project.rays
-    photos = max(1, len(block.photos))
-    pairs = np.sort(rays.point * photos + rays.photo)
-    point = pairs // photos
-    is_first = np.diff(pairs, prepend=-1) != 0
-    photos_of_point = np.bincount(point[is_first], minlength=len(block.points))
-    names = {one.name for one in control}
-    is_control = np.array([name in names for name in block.points], dtype=np.bool_)
-    is_kept = (photos_of_point >= 2) | is_control
-    kept: BoolArray = is_kept[rays.point]
-    lost = int((~kept).sum())
-    if lost:
-        notes.append(f"{counted(lost, 'ray')} left out, as no other photo shows the point.")
-    return _Kept(kept, bool((~is_first & is_kept[point]).any()))
 
 
 def _measurements(block: ImportedBlock, source: ImportSource, kept: BoolArray) -> str:

@@ -12,7 +12,7 @@ from msgspec import Struct
 
 from orip.exchange.sources.text import Faults
 from orip.files.text.decimal_numbers import LARGEST_NUMBER
-from orip.files.text.lines import read_bytes
+from orip.files.text.lines import foreign_bytes, read_bytes
 from orip.files.text.shown import shown_token
 
 MOST_VALUES = 50_000_000
@@ -134,7 +134,7 @@ def read_json(path: Path, faults: Faults) -> JsonValue | None:
     faults.complaints += complaints
     if data is None:
         return None
-    data = data.removeprefix(b"\xef\xbb\xbf")
+    data = foreign_bytes(data)
     if data.count(b",") + data.count(b"[") + data.count(b"{") > MOST_VALUES:
         faults.complain(f"there are more than {MOST_VALUES} values, which are not read; divide the project")
         return None

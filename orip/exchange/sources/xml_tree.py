@@ -11,7 +11,8 @@ from msgspec import Struct, field
 
 from orip.errors import InputError
 from orip.exchange.sources.text import Faults
-from orip.files.text.lines import read_bytes
+from orip.files.text.lines import DOS_END, foreign_bytes, read_bytes
+from orip.files.text.regular_file import UTF_16
 from orip.files.text.shown import shown_token
 
 # Document types and entities are refused: no format read here has them, and they can make a small file expand without
@@ -114,6 +115,16 @@ def read_xml(
     return None if data is None else xml_of(data, faults, parts)
 
 
+_ENCODING = re.compile(rb"""\A(\s*<\?xml[^>]*?encoding\s*=\s*)(?:"[^"]*"|'[^']*')""")
+
+
+def _as_utf_8(data: bytes) -> bytes:
+    """Return XML without what DOS writes at its end; UTF-16 as UTF-8, and so declared."""
+    if data.startswith(UTF_16):
+        return _ENCODING.sub(rb'\1"UTF-8"', foreign_bytes(data))
+    return data.removesuffix(DOS_END)
+
+
 def xml_of(
     data: bytes, faults: Faults, parts: Mapping[str, Callable[[XmlElement], None]] | None = None
 ) -> XmlElement | None:
@@ -126,7 +137,7 @@ def xml_of(
     parser.CharacterDataHandler = builder.text
     parser.StartDoctypeDeclHandler = builder.doctype
     try:
-        parser.Parse(data, True)
+        parser.Parse(_as_utf_8(data), True)
     except _RefusedError as fault:
         faults.complain(str(fault), parser.CurrentLineNumber)
         return None
@@ -268,8 +279,8 @@ class XmlEdit:
         faults = Faults(shown or "")
         if shown is not None and xml_of(data, faults) is None:
             raise InputError(faults.complaints)
-        self.data = data
-        self.root = _placed(data)
+        self.data = _as_utf_8(data)
+        self.root = _placed(self.data)
         self._changes: list[tuple[int, int, bytes]] = []
 
     def numbers(self, element: PlacedElement) -> tuple[float, ...]:

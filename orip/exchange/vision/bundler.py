@@ -135,7 +135,9 @@ def read_bundler(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
     if min(cameras, points) < 0 or len(lines) < wanted:
         faults.complain(f"{len(lines)} lines, and {wanted} would follow from the counts; the file is incomplete", 2)
         return Parsed(None, tuple(faults.complaints))
-    names = _names(source, cameras)
+    if any(line.strip() for line in lines[wanted:]):
+        faults.complain(f"there are lines after the {wanted} that follow from the counts; write the file again", 2)
+    names = _names(source, cameras, Faults(str(Path(shown).parent / "list.txt"), faults.complaints))
     photos: list[ExchangedPhoto] = []
     lenses: list[ExchangedCamera] = []
     place: dict[int, int] = {}
@@ -152,9 +154,8 @@ def read_bundler(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
             lenses.append(_camera(f"camera{camera}", rows[0], first + 1, faults))
     collected, rays = CollectedPoints(), CollectedRays()
     for point in range(points):
-        _add_point(
-            lines, 2 + _LINES_OF_CAMERA * cameras + _LINES_OF_POINT * point, point, place, collected, rays, faults
-        )
+        first = 2 + _LINES_OF_CAMERA * cameras + _LINES_OF_POINT * point
+        _add_point(lines, first, point, cameras, place, collected, rays, faults)
     lost = cameras - len(photos)
     notes = (f"{counted(lost, 'photo')} not oriented, left out.",) if lost else ()
     return _parsed(lenses, photos, collected, rays, BUNDLER, notes, faults)
@@ -164,6 +165,7 @@ def _add_point(
     lines: list[str],
     first: int,
     point: int,
+    cameras: int,
     place: dict[int, int],
     points: CollectedPoints,
     rays: CollectedRays,
@@ -181,16 +183,24 @@ def _add_point(
         start = 1 + _NUMBERS_OF_RAY * ray
         camera = faults.whole(words[start], "camera", line)
         x, y = (faults.decimal(word, "x and y", line) for word in words[start + 2 : start + 4])
-        if camera is not None and camera in place:
+        if camera is not None and camera >= cameras:
+            faults.complain(f"camera {camera}: there are {cameras} of them, counted from 0", line)
+        elif camera is not None and camera in place:
             rays.add(place[camera], number, (x, y))
 
 
-def _names(source: Path, count: int) -> list[str]:
+def _names(source: Path, count: int, faults: Faults) -> list[str]:
     path = source.parent / "list.txt"
     if not path.is_file():
         return [f"photo{n}" for n in range(count)]
-    found = [_NAME.match(line.strip())[1] for line in text_lines(path, Faults("")) if line.strip()]  # type: ignore[index]
-    return [found[n] if n < len(found) else f"photo{n}" for n in range(count)]
+    found = [_NAME.match(line.strip())[1] for line in text_lines(path, faults) if line.strip()]  # type: ignore[index]
+    if len(found) != count:
+        faults.complain(
+            f"{counted(len(found), 'photo')}, and {source.name} has {counted(count, 'camera')}: they are not of one "
+            "project; put its own list here, or remove this one"
+        )
+        return [f"photo{n}" for n in range(count)]
+    return found
 
 
 def _parsed(

@@ -122,7 +122,9 @@ def _readout(camera: Located[Camera], where: str) -> Iterator[Fault]:
 def directions_without_readout(source: ProjectSource, shown: str, line_of: LineOf) -> Iterator[ProjectWarning]:
     """Warn of cameras for which the order of their rows is given, but not that these are read one after the other."""
     for camera in source.cameras:
-        if {"readout", "readout_direction"} & camera.keys == {"readout_direction"} and not camera.record.is_rolling:
+        # what orip writes itself has "down" in every camera
+        is_said = camera.record.readout_direction != "down" and "readout" not in camera.keys
+        if is_said and not camera.record.is_rolling:
             text = (
                 f"camera '{camera.record.name}' has readout_direction, but no readout, so all of its rows are taken "
                 'at once; add its readout in seconds, or unknown = ["READOUT"], or remove readout_direction'

@@ -18,9 +18,11 @@ from orip.files.text.shown import Parsed, printable, shown_token
 from orip.records.control import ErrorLimits
 from orip.records.names import COMMENT_MARKS, name_fault
 
+DOS_END = b"\x1a"
+"""What DOS writes at the end of a text."""
+
 _FIELD = re.compile(r"\S+")
 _ZERO = b"\0"
-_DOS_END = b"\x1a"
 _LINE_END = re.compile(r"\r+\n|\r")
 
 
@@ -105,7 +107,7 @@ def sound_bytes(data: bytes, shown: str) -> Parsed[bytes]:
     if _ZERO in data:
         message = "the file has zero bytes: it is UTF-16, or damaged, or no text at all; save it as UTF-8"
         return Parsed(b"", (Complaint(message, shown, data[: data.index(_ZERO)].count(b"\n") + 1),))
-    if _DOS_END in data and data.rstrip().endswith(_DOS_END):
+    if DOS_END in data and data.rstrip().endswith(DOS_END):
         message = "the file ends in a character of DOS (Ctrl-Z, 0x1A); remove it"
         return Parsed(b"", (Complaint(message, shown, len(data.splitlines())),))
     text = data.removeprefix(codecs.BOM_UTF8)
@@ -128,16 +130,19 @@ def foreign_text(data: bytes) -> str:
     It is UTF-8, UTF-16 with its byte order mark, or else Windows' western characters: names of photos come from
     programs and systems of all kinds. What DOS writes at the end of a file is left out.
     """
+    data = foreign_bytes(data)
+    try:
+        text = data.decode("utf-8")
+    except UnicodeDecodeError:
+        text = data.decode("cp1252", errors="replace")
+    return _LINE_END.sub("\n", text) if "\r" in text else text
+
+
+def foreign_bytes(data: bytes) -> bytes:
+    """Return a text without byte order mark and without what DOS writes at its end; UTF-16 with its mark as UTF-8."""
     if data.startswith(UTF_16):
-        text = data.decode("utf-16", errors="replace")
-    else:
-        try:
-            text = data.removeprefix(codecs.BOM_UTF8).decode("utf-8")
-        except UnicodeDecodeError:
-            text = data.decode("cp1252", errors="replace")
-    if "\r" in text:
-        text = _LINE_END.sub("\n", text)
-    return text.removesuffix("\x1a")
+        data = data.decode("utf-16", errors="replace").encode()
+    return data.removeprefix(codecs.BOM_UTF8).removesuffix(DOS_END)
 
 
 def has_zeros(data: bytes) -> bool:

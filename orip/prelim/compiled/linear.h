@@ -59,6 +59,35 @@ static inline void solve6(double A[6][6], double b[6])
     }
 }
 
+/* The inverse of the Cholesky factor of n symmetric equations with unit diagonal, whose lower triangle is overwritten;
+ * both matrices have `stride` numbers in a row. Whether they are regular without a doubt: the trace of the inverse is
+ * above the reciprocal of the smallest eigenvalue, and the largest one is at most n.
+ */
+static inline int invert_factor(int n, int stride, double *N, double *inverse, double singular)
+{
+    double trace = 0.0;
+    for (int j = 0; j < n; j++)
+        for (int i = j; i < n; i++) {
+            double *one = N + stride * i + j;
+            for (int k = 0; k < j; k++)
+                *one -= N[stride * i + k] * N[stride * j + k];
+            if (i == j && !(*one > 0.0))
+                return 0;
+            *one = i == j ? sqrt(*one) : *one / N[stride * j + j];
+        }
+    for (int k = 0; k < stride * n; k++)
+        inverse[k] = 0.0;
+    for (int j = 0; j < n; j++)
+        for (int i = j; i < n; i++) {
+            double sum = i == j;
+            for (int k = j; k < i; k++)
+                sum -= N[stride * i + k] * inverse[stride * k + j];
+            inverse[stride * i + j] = sum / N[stride * i + i];
+            trace += inverse[stride * i + j] * inverse[stride * i + j];
+        }
+    return trace * singular < 1.0;
+}
+
 /* Exp([d]x) R, into `turned`. */
 static inline void turn3(const double *d, const double *R, double *turned)
 {

@@ -7,9 +7,7 @@
 
 #include "../../array_arguments.h"
 
-#include "../growing/residual_lengths.h"
 #include "../intersection/intersection.h"
-#include "../intersection/consensus.h"
 #include "../refinement/robust_iterations.h"
 #include "../relative/common_counts.h"
 #include "../relative/pair_loops.h"
@@ -19,6 +17,8 @@
 
 static const PairLoops *pairs = &plain_pairs;
 static const ResectionLoops *resections = &plain_resections;
+
+#define NUMBERS_IN(type) (sizeof(type) / sizeof(double))
 
 #define MOST_ITERATIONS 1e6
 
@@ -40,7 +40,7 @@ static int known_from(const Arguments *a, Known *k)
     if (!is_whole(a->numbers[1], 1.0, (double)k->count))
         return 0;
     k->least = (int64_t)a->numbers[1];
-    return has(a, 0, 3 * k->count) && has(a, 1, 3 * k->count);
+    return HAVE(a, 0, 3 * k->count, 3 * k->count);
 }
 
 static PyObject *py_rank_triples(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
@@ -51,17 +51,13 @@ static PyObject *py_rank_triples(PyObject *Py_UNUSED(module), PyObject *const *a
     if (!take_arguments(&a, arguments, given, "dddl" "DDD", 3))
         return NULL;
     const int64_t number = length_of(&a, TRIPLES) / 3, kept = length_of(&a, QUANTILES);
-    if (!known_from(&a, &k) || !are_rows(&a, TRIPLES, k.count) || !has(&a, ROTATIONS, 9 * kept)
-        || !has(&a, CENTRES, 3 * kept))
+    if (!known_from(&a, &k) || !are_rows(&a, TRIPLES, k.count) || !HAVE(&a, ROTATIONS, 9 * kept, 3 * kept))
         return refused(&a);
-    double *space = PyMem_Malloc((size_t)(SPACE_TO_RANK * k.count) * sizeof(double));
-    if (!space) {
-        release(&a);
-        return PyErr_NoMemory();
-    }
+    double *space = room_of(&a, (size_t)(SPACE_TO_RANK * k.count) * sizeof(double));
+    if (!space)
+        return NULL;
     resections->rank_triples(&k, a.views[TRIPLES].buf, number, a.numbers[2], kept, a.views[ROTATIONS].buf,
                              a.views[CENTRES].buf, a.views[QUANTILES].buf, space);
-    PyMem_Free(space);
     return done(&a);
 }
 
@@ -76,9 +72,8 @@ static PyObject *py_best_orientations(PyObject *Py_UNUSED(module), PyObject *con
     const int64_t number = length_of(&a, CENTRES) / 3;
     if (!known_from(&a, &k) || number < 1 || number > MOST_ORIENTATIONS || !(n[3] >= 0.0)
         || !is_whole(n[6], 0.0, MOST_ITERATIONS) || !is_whole(n[10], 0.0, MOST_ITERATIONS)
-        || !has(&a, CENTRES, 3 * number) || !has(&a, ROTATIONS, 9 * number) || !has(&a, SQUARES, number * k.count)
-        || !has(&a, FACTORS, number * k.count) || !has(&a, RESIDUAL, 2 * k.count) || !has(&a, NORMALS, 36)
-        || !has(&a, SPACE, 2 * NUMBERS_OF_A_POINT * k.count))
+        || !HAVE(&a, ROTATIONS, 9 * number, 3 * number, number * k.count, number * k.count, 2 * k.count, 36,
+                 2 * NUMBERS_OF_A_POINT * k.count))
         return refused(&a);
     const OrientationChoice choice = {n[2], n[3], n[4], n[5], n[11], (int64_t)n[6],
                                       {n[2], n[7], n[8], n[9], n[11], (int64_t)n[10]}};
@@ -104,22 +99,19 @@ static PyObject *py_resect(PyObject *Py_UNUSED(module), PyObject *const *argumen
     if (!take_arguments(&a, arguments, given, "dddld" "DDDDD", 2))
         return NULL;
     const int64_t candidates = length_of(&a, CENTRES) / 3, number = length_of(&a, TRIPLES) / 3;
-    if (!known_from(&a, &k) || k.count <= 3 || !are_rows(&a, TRIPLES, k.count) || !has(&a, TRIPLES, 3 * number)
-        || !has(&a, RULES, sizeof(ResectionRules) / sizeof(double)) || !are_resection_rules_sound(a.views[RULES].buf)
-        || candidates < 1 || candidates > MOST_ORIENTATIONS || !has(&a, CENTRES, 3 * candidates)
-        || !has(&a, ROTATIONS, 9 * candidates) || !has(&a, FACTORS, candidates * k.count)
-        || !has(&a, RESIDUAL, 2 * k.count) || !has(&a, FOUND, sizeof(ResectionFound) / sizeof(double)))
+    if (!known_from(&a, &k) || k.count <= 3 || !are_rows(&a, TRIPLES, k.count) || candidates < 1
+        || candidates > MOST_ORIENTATIONS
+        || !HAVE(&a, TRIPLES, 3 * number, NUMBERS_IN(ResectionRules), 9 * candidates, 3 * candidates,
+                 candidates * k.count, 2 * k.count, NUMBERS_IN(ResectionFound))
+        || !are_resection_rules_sound(a.views[RULES].buf))
         return refused(&a);
-    double *space = PyMem_Malloc((size_t)resections->space(k.count, candidates) * sizeof(double));
-    if (!space) {
-        release(&a);
-        return PyErr_NoMemory();
-    }
+    double *space = room_of(&a, (size_t)resections->space(k.count, candidates) * sizeof(double));
+    if (!space)
+        return NULL;
     const int64_t left = resections->resect_photo(a.views[KNOWN].buf, a.views[DEVIATIONS].buf, k, a.views[RULES].buf,
                                       a.views[TRIPLES].buf, number, candidates, a.views[ROTATIONS].buf,
                                       a.views[CENTRES].buf, a.views[FACTORS].buf, a.views[RESIDUAL].buf, space,
                                       a.views[FOUND].buf);
-    PyMem_Free(space);
     release(&a);
     return PyLong_FromLongLong(left);
 }
@@ -134,13 +126,10 @@ static PyObject *py_fitting_points(PyObject *Py_UNUSED(module), PyObject *const 
     const int64_t photos = length_of(&a, LEAST), count = length_of(&a, DEVIATIONS), all = length_of(&a, TRIPLES) / 3;
     const int64_t *starts = a.views[STARTS].buf, *least = a.views[LEAST].buf, *corners = a.views[CORNERS].buf;
     const double *errors = a.views[ERRORS].buf, *extents = a.views[EXTENTS].buf;
-    int sound = has(&a, STARTS, photos + 1) && are_starts64(starts, photos, count) && has(&a, IMAGE, 3 * count)
-        && has(&a, KNOWN, 3 * count) && has(&a, ERRORS, photos) && has(&a, EXTENTS, photos)
-        && has(&a, TRIPLES, 3 * all) && has(&a, CORNERS, 2 * photos)
-        && has(&a, RULES, sizeof(ResectionRules) / sizeof(double)) && are_resection_rules_sound(a.views[RULES].buf)
-        && has(&a, JUDGEMENT, sizeof(PhotoJudgement) / sizeof(double)) && has(&a, FITS, count)
-        && has(&a, ROTATIONS, 9 * photos) && has(&a, CENTRES, 3 * photos) && has(&a, FOUND, photos) && is_whole(a.numbers[0], 1.0, MOST_ORIENTATIONS)
-        && are_within64(corners, 2 * photos, 0, all + 1);
+    int sound = HAVE(&a, STARTS, photos + 1, 3 * count, 3 * count, count, photos, photos, photos, 3 * all, 2 * photos,
+                     NUMBERS_IN(ResectionRules), NUMBERS_IN(PhotoJudgement), 9 * photos, 3 * photos, count, photos)
+        && are_starts64(starts, photos, count) && are_resection_rules_sound(a.views[RULES].buf)
+        && is_whole(a.numbers[0], 1.0, MOST_ORIENTATIONS) && are_within64(corners, 2 * photos, 0, all + 1);
     int64_t most = 0;
     for (int64_t photo = 0; sound && photo < photos; photo++) {
         const int64_t n = starts[photo + 1] - starts[photo], first = corners[2 * photo], end = corners[2 * photo + 1];
@@ -151,11 +140,9 @@ static PyObject *py_fitting_points(PyObject *Py_UNUSED(module), PyObject *const 
     if (!sound)
         return refused(&a);
     const int64_t candidates = (int64_t)a.numbers[0];
-    double *space = PyMem_Malloc((size_t)(resections->fitting_space(most, candidates) + 1) * sizeof(double));
-    if (!space) {
-        release(&a);
-        return PyErr_NoMemory();
-    }
+    double *space = room_of(&a, (size_t)(resections->fitting_space(most, candidates) + 1) * sizeof(double));
+    if (!space)
+        return NULL;
     for (int64_t photo = 0; photo < photos; photo++) {
         const int64_t first = starts[photo], n = starts[photo + 1] - first;
         const PhotoToFit to_fit = {
@@ -168,39 +155,43 @@ static PyObject *py_fitting_points(PyObject *Py_UNUSED(module), PyObject *const 
                                   (double *)a.views[ROTATIONS].buf + 9 * photo,
                                   (double *)a.views[CENTRES].buf + 3 * photo, (uint8_t *)a.views[FITS].buf + first);
     }
-    PyMem_Free(space);
     return done(&a);
 }
 
 /* Photo points, and the orientations of their photos. */
 enum { PHOTO, OF_POINT, VECTORS, ERROR, TURNED, AT };
 
+/* The rays of a block, whose points stand in the order of `point`, or in any; a third index says what is oriented. */
+static int rays_from(const Arguments *a, int64_t points, OrientedRays *r)
+{
+    const Py_buffer *v = a->views;
+    const int64_t n = length_of(a, ERROR), photos = length_of(a, AT) / 3;
+    *r = (OrientedRays){v[PHOTO].buf, v[OF_POINT].buf, v[VECTORS].buf, v[ERROR].buf, v[TURNED].buf, v[AT].buf, NULL, n,
+                        points};
+    return has(a, PHOTO, n) && are_rows(a, PHOTO, photos) && HAVE(a, VECTORS, 3 * n, n, 9 * photos, 3 * photos);
+}
+
 static PyObject *py_intersect(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
     enum { ORIENTED = 6, POINTS, DEVIATIONS, FACTORS, ANGLES };
     Arguments a;
+    OrientedRays rays;
     if (!take_arguments(&a, arguments, given, "lldd" "ddb" "DDDD", 9))
         return NULL;
-    const RaysToMeet rays = {a.views[PHOTO].buf,    a.views[OF_POINT].buf, a.views[VECTORS].buf,
-                             a.views[ERROR].buf,    a.views[TURNED].buf,   a.views[AT].buf,
-                             a.views[ORIENTED].buf, length_of(&a, ERROR),  length_of(&a, ANGLES)};
-    const int64_t photos = length_of(&a, ORIENTED);
     const double *n = a.numbers;
-    if (!has(&a, PHOTO, rays.count) || !are_rows(&a, PHOTO, photos) || !has(&a, OF_POINT, rays.count)
-        || !are_rows(&a, OF_POINT, rays.points) || !has(&a, VECTORS, 3 * rays.count) || !has(&a, TURNED, 9 * photos)
-        || !has(&a, AT, 3 * photos) || !has(&a, POINTS, 3 * rays.points) || !has(&a, DEVIATIONS, 3 * rays.points)
-        || !has(&a, FACTORS, rays.count) || !(n[0] >= 0.0 && n[0] <= 1.0) || !is_whole(n[6], 0.0, MOST_ITERATIONS)
+    const int64_t points = length_of(&a, ANGLES);
+    if (!rays_from(&a, points, &rays) || !has(&a, OF_POINT, rays.count) || !are_rows(&a, OF_POINT, points)
+        || !HAVE(&a, ORIENTED, length_of(&a, AT) / 3, 3 * points, 3 * points, rays.count)
+        || !(n[0] >= 0.0 && n[0] <= 1.0) || !is_whole(n[6], 0.0, MOST_ITERATIONS)
         || !is_whole(n[7], 0.0, MOST_ITERATIONS) || !is_whole(n[8], 0.0, MOST_ITERATIONS))
         return refused(&a);
-    void *space = PyMem_Malloc(bundle_space(rays.count, rays.points));
-    if (!space) {
-        release(&a);
-        return PyErr_NoMemory();
-    }
+    rays.oriented = a.views[ORIENTED].buf;
+    void *space = room_of(&a, bundle_space(rays.count, points));
+    if (!space)
+        return NULL;
     Intersecting how = {n[0], n[1], n[2], {1.0, 0.0, n[3], n[4], n[5], (int64_t)n[6], (int64_t)n[7], (int64_t)n[8]}};
     const double s0 = intersect_all(&rays, &how, a.views[POINTS].buf, a.views[DEVIATIONS].buf, a.views[FACTORS].buf,
                                     a.views[ANGLES].buf, space);
-    PyMem_Free(space);
     release(&a);
     return PyFloat_FromDouble(s0);
 }
@@ -209,17 +200,14 @@ static PyObject *py_consensus(PyObject *Py_UNUSED(module), PyObject *const *argu
 {
     enum { ORIENTED = 6, DOUBTFUL, POINTS };
     Arguments a;
+    OrientedRays rays;
     if (!take_arguments(&a, arguments, given, "lldd" "ddbb" "D", 2))
         return NULL;
-    const AllRays rays = {a.views[PHOTO].buf,     a.views[OF_POINT].buf, a.views[VECTORS].buf,
-                          a.views[ERROR].buf,     a.views[TURNED].buf,   a.views[AT].buf,
-                          a.views[ORIENTED].buf,  length_of(&a, ERROR),  length_of(&a, OF_POINT) - 1};
-    const int64_t photos = length_of(&a, ORIENTED);
-    if (rays.points < 0 || !has(&a, PHOTO, rays.count) || !has(&a, VECTORS, 3 * rays.count)
-        || !has(&a, TURNED, 9 * photos) || !has(&a, AT, 3 * photos) || !are_rows(&a, PHOTO, photos)
-        || !are_starts64(rays.start, rays.points, rays.count) || !has(&a, DOUBTFUL, rays.points)
-        || !has(&a, POINTS, 3 * rays.points))
+    const int64_t points = length_of(&a, OF_POINT) - 1;
+    if (points < 0 || !rays_from(&a, points, &rays) || !are_starts64(rays.point, points, rays.count)
+        || !HAVE(&a, ORIENTED, length_of(&a, AT) / 3, points, 3 * points))
         return refused(&a);
+    rays.oriented = a.views[ORIENTED].buf;
     find_consensus(&rays, a.views[DOUBTFUL].buf, a.numbers[0], a.numbers[1], a.views[POINTS].buf);
     return done(&a);
 }
@@ -228,24 +216,17 @@ static PyObject *py_residual_lengths(PyObject *Py_UNUSED(module), PyObject *cons
 {
     enum { POINTS = 6, LENGTHS };
     Arguments a;
+    OrientedRays rays;
     if (!take_arguments(&a, arguments, given, "lldd" "ddd" "D", 0))
         return NULL;
-    const RaysOfBlock rays = {a.views[PHOTO].buf, a.views[OF_POINT].buf, a.views[VECTORS].buf,  a.views[ERROR].buf,
-                              a.views[TURNED].buf, a.views[AT].buf,      a.views[POINTS].buf,   length_of(&a, ERROR),
-                              length_of(&a, POINTS) / 3};
-    const int64_t photos = length_of(&a, AT) / 3;
-    if (!has(&a, PHOTO, rays.count) || !are_rows(&a, PHOTO, photos) || !has(&a, OF_POINT, rays.count)
-        || !are_rows(&a, OF_POINT, rays.point_count) || !has(&a, VECTORS, 3 * rays.count)
-        || !has(&a, TURNED, 9 * photos) || !has(&a, AT, 3 * photos) || !has(&a, POINTS, 3 * rays.point_count)
-        || !has(&a, LENGTHS, rays.count))
+    const int64_t points = length_of(&a, POINTS) / 3;
+    if (!rays_from(&a, points, &rays) || !has(&a, OF_POINT, rays.count) || !are_rows(&a, OF_POINT, points)
+        || !HAVE(&a, POINTS, 3 * points, rays.count))
         return refused(&a);
-    int64_t *together = PyMem_Malloc((size_t)rays.point_count * sizeof(int64_t));
-    if (!together) {
-        release(&a);
-        return PyErr_NoMemory();
-    }
-    residual_lengths(&rays, together, a.views[LENGTHS].buf);
-    PyMem_Free(together);
+    int64_t *together = room_of(&a, (size_t)points * sizeof(int64_t));
+    if (!together)
+        return NULL;
+    residual_lengths(&rays, a.views[POINTS].buf, together, a.views[LENGTHS].buf);
     return done(&a);
 }
 
@@ -274,14 +255,12 @@ static PyObject *py_refine(PyObject *Py_UNUSED(module), PyObject *const *argumen
                            a.views[VECTORS].buf,     a.views[ERROR].buf,   a.views[ORIENTED].buf,
                            a.views[HELD].buf,        a.views[UNKNOWN].buf, length_of(&a, ERROR),
                            length_of(&a, ORIENTED),  length_of(&a, HELD),  length_of(&a, CORRECTIONS) / OF_CAMERA};
-    if (!has(&a, PHOTO, all.count) || !are_rows(&a, PHOTO, all.photos) || !has(&a, POINT, all.count)
-        || !are_rows(&a, POINT, all.points) || !has(&a, VECTORS, 3 * all.count)
-        || !has(&a, CAMERA, all.cameras ? all.photos : 0)
+    if (!HAVE(&a, PHOTO, all.count, all.count, 3 * all.count, all.count, all.cameras ? all.photos : 0,
+              OF_CAMERA * all.cameras, all.photos, all.points, NUMBERS_IN(RefinementRules), 9 * all.photos,
+              3 * all.photos, 3 * all.points, OF_CAMERA * all.cameras, all.count, 1)
+        || !are_rows(&a, PHOTO, all.photos) || !are_rows(&a, POINT, all.points)
         || !are_within64(all.camera_of_photo, length_of(&a, CAMERA), INT64_MIN, all.cameras)
-        || !has(&a, CORRECTIONS, OF_CAMERA * all.cameras) || !has(&a, UNKNOWN, OF_CAMERA * all.cameras)
-        || !has(&a, RULES, sizeof(RefinementRules) / sizeof(double)) || !is_whole(rules->most_steps, 0.0, MOST_ITERATIONS)
-        || !has(&a, ROTATIONS, 9 * all.photos) || !has(&a, CENTRES, 3 * all.photos) || !has(&a, POINTS, 3 * all.points)
-        || !has(&a, WEIGHTS, all.count) || !has(&a, SCALE, 1))
+        || !is_whole(rules->most_steps, 0.0, MOST_ITERATIONS))
         return refused(&a);
     if (!find_lapack()) {
         release(&a);
@@ -307,102 +286,82 @@ static int are_rules_sound(const RelativeRules *r)
         && is_whole(r->choice.rotation_steps, 0.0, MOST_ITERATIONS);
 }
 
-static PyObject *py_orient_pair(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
-{
-    enum { LEFT, RIGHT, ERROR, SAMPLES, SETS, RULES, FOUND, PARALLAX, WEIGHTS, REDUNDANCY, COORDINATES, DEVIATIONS,
-           IN_FRONT, USABLE };
+/* The arrays of an orientation of two photos; after them come samples, and redundancy numbers without a scale. */
+enum { LEFT, RIGHT, ERRORS, SETS, RULES, FOUND, PARALLAX, WEIGHTS, COORDINATES, DEVIATIONS, IN_FRONT, USABLE, SAMPLES,
+       REDUNDANCY };
+#define OF_PAIR "ddddd" "DDDDDBB"
+
+typedef struct {
     Arguments a;
-    if (!take_arguments(&a, arguments, given, "dddldd" "DDDDDDBB", 0))
-        return NULL;
-    const RelativeRules *rules = a.views[RULES].buf;
-    const Pairs p = {a.views[LEFT].buf, a.views[RIGHT].buf, a.views[ERROR].buf, length_of(&a, ERROR)};
-    const RelativePoints points = {a.views[PARALLAX].buf,    a.views[WEIGHTS].buf,    a.views[REDUNDANCY].buf,
-                                   a.views[COORDINATES].buf, a.views[DEVIATIONS].buf, a.views[IN_FRONT].buf,
-                                   a.views[USABLE].buf};
-    const int64_t samples = length_of(&a, SAMPLES) / 5;
-    if (p.count < 5 || !has(&a, LEFT, 3 * p.count) || !has(&a, RIGHT, 3 * p.count) || !has(&a, SETS, p.count - 5)
-        || !are_rows(&a, SAMPLES, p.count) || !has(&a, RULES, sizeof(RelativeRules) / sizeof(double))
-        || !are_rules_sound(rules) || !has(&a, FOUND, sizeof(RelativeFound) / sizeof(double))
-        || !has(&a, PARALLAX, p.count) || !has(&a, WEIGHTS, p.count) || !has(&a, REDUNDANCY, p.count)
-        || !has(&a, COORDINATES, 3 * p.count) || !has(&a, DEVIATIONS, 3 * p.count) || !has(&a, IN_FRONT, p.count)
-        || !has(&a, USABLE, p.count))
-        return refused(&a);
-    double *space = PyMem_Malloc((size_t)pairs->space(rules, p.count) * sizeof(double));
-    if (!space) {
-        release(&a);
-        return PyErr_NoMemory();
+    Pairs p;
+    RelativePoints points;
+    const RelativeRules *rules;
+    const int64_t *sample;
+    int64_t samples;
+    double *space;
+} PairCall;
+
+/* What is given of two photos, with room for what is found of their points; else an exception is set. */
+static int take_pair(PairCall *c, PyObject *const *arguments, Py_ssize_t given, const char *kinds, int numbers)
+{
+    Arguments *a = &c->a;
+    if (!take_arguments(a, arguments, given, kinds, numbers))
+        return 0;
+    const Py_buffer *v = a->views;
+    const int sampled = a->opened > SAMPLES, free_scale = a->opened > REDUNDANCY;
+    const int64_t n = length_of(a, ERRORS);
+    c->p = (Pairs){v[LEFT].buf, v[RIGHT].buf, v[ERRORS].buf, n};
+    c->points = (RelativePoints){v[PARALLAX].buf, v[WEIGHTS].buf, free_scale ? v[REDUNDANCY].buf : NULL,
+                                 v[COORDINATES].buf, v[DEVIATIONS].buf, v[IN_FRONT].buf, v[USABLE].buf};
+    c->rules = v[RULES].buf, c->sample = sampled ? v[SAMPLES].buf : NULL;
+    c->samples = sampled ? length_of(a, SAMPLES) / 5 : 0;
+    if (n < 5 || !HAVE(a, LEFT, 3 * n, 3 * n, n, n - 5, NUMBERS_IN(RelativeRules), NUMBERS_IN(RelativeFound), n, n,
+                       3 * n, 3 * n, n, n)
+        || !are_rules_sound(c->rules) || (sampled && !are_rows(a, SAMPLES, n)) || (free_scale && !has(a, REDUNDANCY, n))
+        || (sampled && !free_scale && (double)c->samples > c->rules->sampling.at_once)) {
+        refused(a);
+        return 0;
     }
-    const int oriented = pairs->orient(&p, rules, a.views[SAMPLES].buf, samples, a.views[SETS].buf, space, &points,
-                                       a.views[FOUND].buf);
-    PyMem_Free(space);
-    release(&a);
+    c->space = room_of(a, (size_t)pairs->space(c->rules, n) * sizeof(double));
+    return c->space != NULL;
+}
+
+static PyObject *oriented_pair(PairCall *c, int oriented)
+{
+    release(&c->a);
     return PyBool_FromLong(oriented);
 }
 
-/* The arrays of an orientation at a given scale; after them may come those of one function. */
-enum { LEFT, RIGHT, ERRORS, SETS, RULES, FOUND, PARALLAX, WEIGHTS, COORDINATES, DEVIATIONS, IN_FRONT, USABLE, SAMPLES };
-#define AT_SCALE "ddddd" "DDDDDBB"
-
-/* What is given of two photos, with room for what is found of their points. */
-static int at_scale_from(const Arguments *a, Pairs *p, RelativePoints *points)
+static PyObject *py_orient_pair(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
-    const Pairs given = {a->views[LEFT].buf, a->views[RIGHT].buf, a->views[ERRORS].buf, length_of(a, ERRORS)};
-    const RelativePoints room = {a->views[PARALLAX].buf,    a->views[WEIGHTS].buf,    NULL,
-                                 a->views[COORDINATES].buf, a->views[DEVIATIONS].buf, a->views[IN_FRONT].buf,
-                                 a->views[USABLE].buf};
-    const int64_t count = given.count;
-    *p = given, *points = room;
-    return count >= 5 && has(a, LEFT, 3 * count) && has(a, RIGHT, 3 * count) && has(a, SETS, count - 5)
-        && has(a, RULES, sizeof(RelativeRules) / sizeof(double)) && are_rules_sound(a->views[RULES].buf)
-        && has(a, FOUND, sizeof(RelativeFound) / sizeof(double)) && has(a, PARALLAX, count) && has(a, WEIGHTS, count)
-        && has(a, COORDINATES, 3 * count) && has(a, DEVIATIONS, 3 * count) && has(a, IN_FRONT, count)
-        && has(a, USABLE, count);
+    PairCall c;
+    if (!take_pair(&c, arguments, given, OF_PAIR "l" "D", 0))
+        return NULL;
+    return oriented_pair(&c, pairs->orient(&c.p, c.rules, c.sample, c.samples, c.a.views[SETS].buf, c.space, &c.points,
+                                           c.a.views[FOUND].buf));
 }
 
 static PyObject *py_orient_at_scale(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
-    Arguments a;
-    Pairs p;
-    RelativePoints points;
-    if (!take_arguments(&a, arguments, given, AT_SCALE "l", 1))
+    PairCall c;
+    if (!take_pair(&c, arguments, given, OF_PAIR "l", 1))
         return NULL;
-    const RelativeRules *rules = a.views[RULES].buf;
-    const int64_t samples = length_of(&a, SAMPLES) / 5;
-    if (!at_scale_from(&a, &p, &points) || !are_rows(&a, SAMPLES, p.count)
-        || (double)samples > rules->sampling.at_once)
-        return refused(&a);
-    double *space = PyMem_Malloc((size_t)pairs->space(rules, p.count) * sizeof(double));
-    if (!space) {
-        release(&a);
-        return PyErr_NoMemory();
-    }
-    const int oriented = pairs->orient_at_scale(&p, rules, a.views[SAMPLES].buf, samples, a.views[SETS].buf,
-                                                a.numbers[0], space, &points, a.views[FOUND].buf);
-    PyMem_Free(space);
-    release(&a);
-    return PyBool_FromLong(oriented);
+    return oriented_pair(&c, pairs->orient_at_scale(&c.p, c.rules, c.sample, c.samples, c.a.views[SETS].buf,
+                                                    c.a.numbers[0], c.space, &c.points, c.a.views[FOUND].buf));
 }
 
 static PyObject *py_adjust_at_scale(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
-    Arguments a;
-    Pairs p;
-    RelativePoints points;
-    if (!take_arguments(&a, arguments, given, AT_SCALE, 1))
+    PairCall c;
+    if (!take_pair(&c, arguments, given, OF_PAIR, 1))
         return NULL;
-    if (!at_scale_from(&a, &p, &points))
-        return refused(&a);
-    const RelativeRules *rules = a.views[RULES].buf;
-    double *space = PyMem_Malloc((size_t)pairs->space(rules, p.count) * sizeof(double));
-    if (!space) {
-        release(&a);
-        return PyErr_NoMemory();
-    }
-    const int oriented = pairs->adjust_at_scale(&p, rules, a.views[SETS].buf, a.numbers[0], space, &points,
-                                                a.views[FOUND].buf);
-    PyMem_Free(space);
-    release(&a);
-    return PyBool_FromLong(oriented);
+    return oriented_pair(&c, pairs->adjust_at_scale(&c.p, c.rules, c.a.views[SETS].buf, c.a.numbers[0], c.space,
+                                                    &c.points, c.a.views[FOUND].buf));
+}
+
+static int are_similarity_rules_sound(const SimilarityRules *r)
+{
+    return is_whole(r->steps, 0.0, MOST_ITERATIONS) && is_whole(r->free_steps, 0.0, MOST_ITERATIONS);
 }
 
 static PyObject *py_adjust_similarity(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
@@ -413,11 +372,10 @@ static PyObject *py_adjust_similarity(PyObject *Py_UNUSED(module), PyObject *con
         return NULL;
     const int64_t count = length_of(&a, TRUSTED);
     const SimilarityRules *rules = a.views[RULES].buf;
-    if (!is_whole(a.numbers[0], 1.0, MOST_UNKNOWNS) || !has(&a, SOURCE, 3 * count) || !has(&a, TARGET, 3 * count) || !has(&a, SOURCE_DEVIATION, 3 * count)
-        || !has(&a, TARGET_DEVIATION, 3 * count) || !has(&a, RULES, sizeof(SimilarityRules) / sizeof(double))
-        || !is_whole(rules->steps, 0.0, MOST_ITERATIONS) || !is_whole(rules->free_steps, 0.0, MOST_ITERATIONS)
-        || !has(&a, FOUND, sizeof(SimilarityFound) / sizeof(double)) || !has(&a, FACTORS, 3 * count)
-        || !has(&a, RESIDUALS, 3 * count) || !has(&a, SPACE, 12 * count))
+    if (!is_whole(a.numbers[0], 1.0, MOST_UNKNOWNS)
+        || !HAVE(&a, SOURCE, 3 * count, 3 * count, 3 * count, 3 * count, count, NUMBERS_IN(SimilarityRules),
+                 NUMBERS_IN(SimilarityFound), 3 * count, 3 * count, 12 * count)
+        || !are_similarity_rules_sound(rules))
         return refused(&a);
     Common common = {NULL, a.views[TARGET].buf, NULL, a.views[TRUSTED].buf, count, (int64_t)a.numbers[0]};
     const int regular = adjust_similarity(&common, a.views[SOURCE].buf, a.views[SOURCE_DEVIATION].buf,
@@ -435,21 +393,17 @@ static PyObject *py_best_triple(PyObject *Py_UNUSED(module), PyObject *const *ar
         return NULL;
     const double *n = a.numbers;
     const int64_t count = length_of(&a, SOURCE) / 3, triples = length_of(&a, TRIPLES) / 3;
-    if (!is_whole(n[0], 1.0, (double)count) || triples > MOST_TRIPLES || !has(&a, SOURCE, 3 * count) || !has(&a, TARGET, 3 * count) || !has(&a, SOURCE_DEVIATION, 3 * count)
-        || !has(&a, TARGET_DEVIATION, 3 * count) || !has(&a, TRIPLES, 3 * triples)
-        || !are_rows(&a, TRIPLES, count) || !has(&a, START, sizeof(At) / sizeof(double)))
+    if (!is_whole(n[0], 1.0, (double)count) || triples > MOST_TRIPLES || !are_rows(&a, TRIPLES, count)
+        || !HAVE(&a, SOURCE, 3 * count, 3 * count, 3 * count, 3 * count, 3 * triples, NUMBERS_IN(At)))
         return refused(&a);
-    double *space = PyMem_Malloc((size_t)((5 + triples) * count) * sizeof(double) + (size_t)triples * sizeof(At));
-    if (!space) {
-        release(&a);
-        return PyErr_NoMemory();
-    }
+    double *space = room_of(&a, (size_t)((5 + triples) * count) * sizeof(double) + (size_t)triples * sizeof(At));
+    if (!space)
+        return NULL;
     const Judges judges = {a.views[SOURCE].buf, a.views[TARGET].buf, space, space + count, space + 2 * count, count};
     prepare_judges(&judges, a.views[SOURCE_DEVIATION].buf, a.views[TARGET_DEVIATION].buf);
     const Judgement judgement = {(int64_t)n[0], n[1], n[2], n[3]};
     const double most = best_triple(&judges, &judgement, a.views[TRIPLES].buf, triples, space + 3 * count,
                                     a.views[START].buf);
-    PyMem_Free(space);
     release(&a);
     return PyFloat_FromDouble(most);
 }
@@ -468,20 +422,15 @@ static PyObject *py_assemble(PyObject *Py_UNUSED(module), PyObject *const *argum
                                   a.views[WHOLE + 3].buf, a.views[WHOLE + 4].buf, a.views[WHOLE + 5].buf};
     const int64_t lengths[] = {blocks.count, blocks.photo_count, 3 * blocks.count, 3 * blocks.count,
                                9 * blocks.photo_count, 3 * blocks.photo_count};
-    int sound = blocks.blocks >= 0 && are_starts64(blocks.starts, blocks.blocks, blocks.count);
-    for (int k = 0; k < 6; k++)
-        sound = sound && has(&a, POINTS + k, lengths[k]) && has(&a, WHOLE + k, lengths[k]);
-    if (!sound)
+    if (blocks.blocks < 0 || !are_starts64(blocks.starts, blocks.blocks, blocks.count) || !have(&a, POINTS, 6, lengths)
+        || !have(&a, WHOLE, 6, lengths))
         return refused(&a);
-    double *space = PyMem_Malloc(space_to_assemble(blocks.count, blocks.photo_count));
-    if (!space) {
-        release(&a);
-        return PyErr_NoMemory();
-    }
+    double *space = room_of(&a, space_to_assemble(blocks.count, blocks.photo_count));
+    if (!space)
+        return NULL;
     int64_t *places = (int64_t *)(space + 4 * blocks.count);
     const int64_t photos = assemble_photos(&blocks, places, &whole);
     const int64_t points = assemble_points(&blocks, a.numbers[0], space, places, &whole);
-    PyMem_Free(space);
     release(&a);
     return Py_BuildValue("LL", (long long)photos, (long long)points);
 }
@@ -494,8 +443,8 @@ static int part_from(const Arguments *a, int first, int places, PartOfTwo *p)
                             length_of(a, first) / 3};
     const int64_t photos = length_of(a, first + 3) / 3;
     *p = part;
-    return has(a, first, 3 * part.count) && has(a, first + 1, 3 * part.count) && has(a, first + 2, 9 * photos)
-        && has(a, first + 3, 3 * photos) && are_rows(a, places, part.count) && are_rows(a, places + 1, photos);
+    return HAVE(a, first, 3 * part.count, 3 * part.count, 9 * photos, 3 * photos) && are_rows(a, places, part.count)
+        && are_rows(a, places + 1, photos);
 }
 
 static PyObject *py_common_places(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
@@ -507,20 +456,15 @@ static PyObject *py_common_places(PyObject *Py_UNUSED(module), PyObject *const *
         return NULL;
     const double *n = a.numbers;
     const int64_t points = length_of(&a, AT_SOURCE), photos = length_of(&a, PHOTOS), count = points + photos;
-    int sound = part_from(&a, SOURCE, AT_SOURCE, &source) && part_from(&a, TARGET, AT_TARGET, &target)
-        && has(&a, AT_TARGET, points) && has(&a, PHOTOS_OF_TARGET, photos) && has(&a, START, sizeof(At) / sizeof(double))
-        && photos <= MOST_TRIPLES && is_whole(n[1], 1.0, (double)count);
-    for (int k = 0; k < 4; k++)
-        sound = sound && has(&a, PLACES + k, 3 * count);
-    if (!sound)
+    if (!part_from(&a, SOURCE, AT_SOURCE, &source) || !part_from(&a, TARGET, AT_TARGET, &target)
+        || !HAVE(&a, AT_TARGET, points, photos, 3 * count, 3 * count, 3 * count, 3 * count, NUMBERS_IN(At))
+        || photos > MOST_TRIPLES || !is_whole(n[1], 1.0, (double)count))
         return refused(&a);
     const int64_t larger_part = source.count > target.count ? source.count : target.count;
-    double *space = PyMem_Malloc((size_t)(larger_part + (8 + photos) * count) * sizeof(double)
+    double *space = room_of(&a, (size_t)(larger_part + (8 + photos) * count) * sizeof(double)
                                  + (size_t)photos * sizeof(At));
-    if (!space) {
-        release(&a);
-        return PyErr_NoMemory();
-    }
+    if (!space)
+        return NULL;
     double *from = a.views[PLACES].buf, *to = a.views[PLACES + 1].buf;
     double *source_deviations = a.views[PLACES + 2].buf, *target_deviations = a.views[PLACES + 3].buf;
     common_places(&source, points, photos, n[0], from, source_deviations, space);
@@ -530,7 +474,6 @@ static PyObject *py_common_places(PyObject *Py_UNUSED(module), PyObject *const *
     start_from_photos(&source, &target, photos, &judges, source_deviations, target_deviations, &judgement, space,
                       a.views[START].buf);
     const double extent = extent_of(to, count);
-    PyMem_Free(space);
     release(&a);
     return PyFloat_FromDouble(extent);
 }
@@ -542,8 +485,7 @@ static int block_from(const Arguments *a, int first, PartialBlock *b)
                                 a->views[first + 3].buf, a->views[first + 4].buf, a->views[first + 5].buf,
                                 length_of(a, first),     length_of(a, first + 1)};
     *b = block;
-    return has(a, first + 2, 3 * block.count) && has(a, first + 3, 3 * block.count)
-        && has(a, first + 4, 9 * block.photo_count) && has(a, first + 5, 3 * block.photo_count)
+    return HAVE(a, first + 2, 3 * block.count, 3 * block.count, 9 * block.photo_count, 3 * block.photo_count)
         && block.photo_count <= MOST_TRIPLES;
 }
 
@@ -558,27 +500,20 @@ static PyObject *py_join_by_photos(PyObject *Py_UNUSED(module), PyObject *const 
     const SimilarityRules *rules = a.views[RULES].buf;
     if (!block_from(&a, SOURCE, &source) || !block_from(&a, TARGET, &target))
         return refused(&a);
-    const int64_t room = source.count + source.photo_count;
-    if (!has(&a, RULES, sizeof(SimilarityRules) / sizeof(double)) || !is_whole(rules->steps, 0.0, MOST_ITERATIONS)
-        || !is_whole(rules->free_steps, 0.0, MOST_ITERATIONS)
-        || !has(&a, JOINING, sizeof(JoiningRules) / sizeof(double)) || !has(&a, AT_SOURCE, source.count)
-        || !has(&a, TARGETS, 3 * source.count) || !has(&a, RESIDUALS, 3 * room) || !has(&a, FACTORS, 3 * room)
-        || !has(&a, COORDINATES, 3 * source.count) || !has(&a, DEVIATIONS, 3 * source.count)
-        || !has(&a, ROTATIONS, 9 * source.photo_count) || !has(&a, CENTRES, 3 * source.photo_count)
-        || !has(&a, FOUND, sizeof(SimilarityFound) / sizeof(double)))
+    const int64_t n = source.count, photos = source.photo_count, room = n + photos;
+    if (!HAVE(&a, RULES, NUMBERS_IN(SimilarityRules), NUMBERS_IN(JoiningRules), n, 3 * n, 3 * room, 3 * room, 3 * n,
+              3 * n, 9 * photos, 3 * photos, NUMBERS_IN(SimilarityFound))
+        || !are_similarity_rules_sound(rules))
         return refused(&a);
-    double *space = PyMem_Malloc(space_to_join(&source, &target));
-    if (!space) {
-        release(&a);
-        return PyErr_NoMemory();
-    }
+    double *space = room_of(&a, space_to_join(&source, &target));
+    if (!space)
+        return NULL;
     JoinedBlock joint = {.at_source = a.views[AT_SOURCE].buf, .targets = a.views[TARGETS].buf,
                          .residuals = a.views[RESIDUALS].buf, .factors = a.views[FACTORS].buf,
                          .coordinates = a.views[COORDINATES].buf, .deviations = a.views[DEVIATIONS].buf,
                          .rotations = a.views[ROTATIONS].buf, .centres = a.views[CENTRES].buf,
                          .found = a.views[FOUND].buf};
     const int how = join_by_photos(&source, &target, rules, a.views[JOINING].buf, space, &joint);
-    PyMem_Free(space);
     release(&a);
     if (how != JOINED)
         return PyBool_FromLong(how == DISAGREEING);

@@ -1,14 +1,19 @@
-/* Positions of points where most of their rays meet, one point after the other, as in orip/geometry/rays.py. */
+/* Positions of points where most of their rays meet, one point after the other, as in orip/geometry/rays.py; lengths of
+ * the residuals of rays, as in misplaced_photos.py.
+ */
 
 #include "../compiled/linear.h"
+#include <string.h>
 
-/* All rays of a block, point by point, and which photos are oriented. */
+/* All rays of a block, and which photos are oriented; `point` says of each ray which point it is of, or of each point
+ * where its rays begin.
+ */
 typedef struct {
-    const int64_t *photo, *start;
+    const int64_t *photo, *point;
     const double *vectors, *error, *rotations, *centres;
     const uint8_t *oriented;
     int64_t count, points;
-} AllRays;
+} OrientedRays;
 
 /* As in orip/geometry/rays.py: rays of a point that are compared, and where two rays do not meet. */
 enum { FEWEST_COMPARED = 3, MOST_COMPARED = 10 };
@@ -29,6 +34,7 @@ static void direct(PhotoRay *ray)
         ray->direction[i] = d[i] / length;
 }
 
+/* The squared residual of a ray at a point; infinite where that is not in front, NaN where it is not known. */
 static double square_at(const PhotoRay *ray, const double *X)
 {
     const double d[3] = {X[0] - ray->centre[0], X[1] - ray->centre[1], X[2] - ray->centre[2]};
@@ -36,10 +42,17 @@ static double square_at(const PhotoRay *ray, const double *X)
     for (int i = 0; i < 3; i++)
         u[i] = d[0] * ray->R[i] + d[1] * ray->R[3 + i] + d[2] * ray->R[6 + i];
     if (!(u[2] < 0.0))
-        return INFINITY;
+        return isnan(u[2]) ? NAN : INFINITY;
     const double scale = ray->vector[2] / u[2];
     const double x = u[0] * scale - ray->vector[0], y = u[1] * scale - ray->vector[1];
-    return (x * x + y * y) / (ray->error * ray->error);
+    return x * x + y * y;
+}
+
+/* That in units of its variance; infinite where it is not known, too. */
+static double standard_square_at(const PhotoRay *ray, const double *X)
+{
+    const double square = square_at(ray, X);
+    return isnan(square) ? INFINITY : square / (ray->error * ray->error);
 }
 
 /* The sum of squared standard residuals, none larger than `most`. */
@@ -47,7 +60,7 @@ static double cost_at(const PhotoRay *rays, int count, const double *X, double m
 {
     double cost = 0.0;
     for (int k = 0; k < count; k++)
-        cost += fmin(square_at(rays + k, X), most);
+        cost += fmin(standard_square_at(rays + k, X), most);
     return cost;
 }
 
@@ -105,7 +118,7 @@ static void move_to_consensus(const PhotoRay *rays, int count, double most, doub
         return;
     /* all that fit tell the position better than the two */
     for (int k = 0; k < count; k++)
-        chosen[k] = square_at(rays + k, best) <= most;
+        chosen[k] = standard_square_at(rays + k, best) <= most;
     take_if_better(rays, count, chosen, most, best, &least);
     for (int i = 0; i < 3; i++)
         X[i] = best[i];
@@ -113,12 +126,12 @@ static void move_to_consensus(const PhotoRay *rays, int count, double most, doub
 
 /* Move the doubtful points; rays of photos that are not oriented do not count. `most` is the largest squared standard
  * residual that counts, and `scale` that of the a-priori errors. */
-static void find_consensus(const AllRays *rays, const uint8_t *doubtful, double scale, double most, double *points)
+static void find_consensus(const OrientedRays *rays, const uint8_t *doubtful, double scale, double most, double *points)
 {
     for (int64_t point = 0; point < rays->points; point++) {
         PhotoRay seen[MOST_COMPARED];
         int64_t count = 0;
-        for (int64_t row = rays->start[point]; doubtful[point] && row < rays->start[point + 1]; row++) {
+        for (int64_t row = rays->point[point]; doubtful[point] && row < rays->point[point + 1]; row++) {
             const int64_t photo = rays->photo[row];
             if (!rays->oriented[photo])
                 continue;
@@ -132,5 +145,21 @@ static void find_consensus(const AllRays *rays, const uint8_t *doubtful, double 
         }
         if (count >= FEWEST_COMPARED && count <= MOST_COMPARED)
             move_to_consensus(seen, (int)count, most, points + 3 * point);
+    }
+}
+
+/* `together` has room for a number of each point: how many oriented photos see it. What is not oriented or not known is
+ * NaN.
+ */
+static void residual_lengths(const OrientedRays *b, const double *points, int64_t *together, double *lengths)
+{
+    memset(together, 0, (size_t)b->points * sizeof(int64_t));
+    for (int64_t row = 0; row < b->count; row++)
+        together[b->point[row]] += isfinite(b->centres[3 * b->photo[row]]) != 0;
+    for (int64_t row = 0; row < b->count; row++) {
+        const int64_t point = b->point[row], photo = b->photo[row];
+        const PhotoRay ray = {b->centres + 3 * photo, b->rotations + 9 * photo, b->vectors + 3 * row, 0.0, {0.0}};
+        const int is_lost = isfinite(ray.centre[0]) && together[point] > 1 && !isfinite(points[3 * point]);
+        lengths[row] = is_lost ? INFINITY : sqrt(square_at(&ray, points + 3 * point)) / b->error[row];
     }
 }

@@ -2,8 +2,7 @@
  * prelim_references/intersection.py does the same for all side by side.
  */
 
-#include "../compiled/linear.h"
-#include <string.h>
+#include "consensus.h"
 
 typedef struct {
     const double *origins, *directions, *error;
@@ -183,14 +182,6 @@ static void robust_meeting(const Rays *rays, const Robust *r, double *point, dou
         variance[i] = inverse[4 * i];
 }
 
-/* All rays of a block, in any order, and which photos are oriented. */
-typedef struct {
-    const int64_t *photo, *point;
-    const double *vectors, *error, *rotations, *centres;
-    const uint8_t *oriented;
-    int64_t count, points;
-} RaysToMeet;
-
 /* The rays of oriented photos, from an origin in their middle: the row of each ray, and where those of a point begin. */
 typedef struct {
     double base[3], *origins, *directions, *error, *residual, *scratch;
@@ -206,7 +197,7 @@ static size_t bundle_space(int64_t count, int64_t points)
 }
 
 /* Sort the rays of oriented photos by point, and return how many they are. */
-static int64_t sort_by_point(const RaysToMeet *a, int64_t *row, int64_t *start)
+static int64_t sort_by_point(const OrientedRays *a, int64_t *row, int64_t *start)
 {
     memset(start, 0, (size_t)(a->points + 1) * sizeof(int64_t));
     for (int64_t k = 0; k < a->count; k++)
@@ -226,7 +217,7 @@ static int64_t sort_by_point(const RaysToMeet *a, int64_t *row, int64_t *start)
     return used;
 }
 
-static Bundle bundle_in(const RaysToMeet *a, void *space)
+static Bundle bundle_in(const OrientedRays *a, void *space)
 {
     const int64_t n = a->count;
     double *numbers = space;
@@ -287,7 +278,7 @@ static double scale_of(const Bundle *b, int64_t points, const Intersecting *how)
 }
 
 /* Intersect all points; what is not determined is NaN, and its rays have no weight. Returns the scale. */
-static double intersect_all(const RaysToMeet *a, Intersecting *how, double *points, double *deviations, double *factors,
+static double intersect_all(const OrientedRays *a, Intersecting *how, double *points, double *deviations, double *factors,
                             double *angles, void *space)
 {
     const Bundle b = bundle_in(a, space);

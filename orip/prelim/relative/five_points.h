@@ -6,9 +6,6 @@
  * As many samples as there are lanes are solved at once, each with the operations, in their order, of one alone.
  */
 
-#ifndef ORIP_PRELIM_FIVE_POINTS_H
-#define ORIP_PRELIM_FIVE_POINTS_H
-
 #include "../../lanes.h"
 #include "../compiled/linear.h"
 #include <string.h>
@@ -465,5 +462,3 @@ static int five_points(Lanes left[5][3], Lanes right[5][3], int samples, double 
             }
     return found;
 }
-
-#endif

@@ -250,8 +250,8 @@ def _solution(pairs: Pairs) -> PairSolution | None:
     coordinates, deviations = np.empty((count, 3)), np.empty((count, 3))
     in_front, usable = np.empty(count, dtype=np.bool_), np.empty(count, dtype=np.bool_)
     if not kernels.orient_pair(
-        *pairs, samples_of(count), log_of_sets(count), _RULES, found, parallax, weights, redundancy, coordinates,
-        deviations, in_front, usable,
+        *pairs, log_of_sets(count), _RULES, found, parallax, weights, coordinates, deviations, in_front, usable,
+        samples_of(count), redundancy,
     ):  # fmt: skip
         return None
     scale, by_chance, ambiguous, iterations, seuw, length, left_by_rotation = found[21:].tolist()

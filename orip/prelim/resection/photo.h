@@ -71,37 +71,24 @@ static OrientationChoice choice_of(const ResectionRules *r, const Known *k)
 /* Root cofactors of six unknowns; whether their equations are regular without a doubt. */
 static int root_cofactors(const double *normals, double regular, double *roots)
 {
-    double L[6][6], inverse[6][6] = {{0.0}}, scale[6], trace = 0.0;
+    double L[6][6], inverse[6][6], scale[6];
     for (int i = 0; i < 6; i++) {
         scale[i] = sqrt(normals[7 * i]);
         if (!(scale[i] > 0.0))
             return 0;
     }
-    for (int j = 0; j < 6; j++)
-        for (int i = j; i < 6; i++) {
-            double sum = normals[6 * i + j] / (scale[i] * scale[j]);
-            for (int k = 0; k < j; k++)
-                sum -= L[i][k] * L[j][k];
-            if (i == j && !(sum > 0.0))
-                return 0;
-            L[i][j] = i == j ? sqrt(sum) : sum / L[j][j];
-        }
-    for (int j = 0; j < 6; j++)
-        for (int i = j; i < 6; i++) {
-            double sum = i == j;
-            for (int k = j; k < i; k++)
-                sum -= L[i][k] * inverse[k][j];
-            inverse[i][j] = sum / L[i][i];
-            trace += inverse[i][j] * inverse[i][j];
-        }
+    for (int i = 0; i < 6; i++)
+        for (int j = 0; j <= i; j++)
+            L[i][j] = normals[6 * i + j] / (scale[i] * scale[j]);
+    if (!invert_factor(6, 6, L[0], inverse[0], 6.0 * regular))
+        return 0;
     for (int j = 0; j < 6; j++) {
         double sum = 0.0;
         for (int i = j; i < 6; i++)
             sum += inverse[i][j] * inverse[i][j];
         roots[j] = sqrt(sum) / scale[j];
     }
-    /* the largest eigenvalue is at most the order, and the smallest one at least the reciprocal of the trace */
-    return 6.0 * trace * regular < 1.0;
+    return 1;
 }
 
 static void judge_residuals(const Known *k, const double *factors, const double *squares, const double *mean,

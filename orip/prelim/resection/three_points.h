@@ -3,9 +3,6 @@
  * As many triples of points as there are lanes are solved at once, each with the operations, in their order, of one alone.
  */
 
-#ifndef ORIP_PRELIM_THREE_POINTS_H
-#define ORIP_PRELIM_THREE_POINTS_H
-
 #include "../compiled/linear.h"
 #include <string.h>
 
@@ -292,5 +289,3 @@ static void three_points(Lanes vectors[3][3], Lanes points[3][3], OfTriples foun
             orient_triangle(&t, distances[s], points, ground, found + s);
     }
 }
-
-#endif

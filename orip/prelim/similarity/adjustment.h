@@ -119,7 +119,7 @@ static int similarity_normals(const Common *c, const At *at, const double *facto
                               double inverse[MOST_UNKNOWNS][MOST_UNKNOWNS], double *right, double *scaling)
 {
     const int n = (int)c->unknowns;
-    double N[MOST_UNKNOWNS][MOST_UNKNOWNS] = {{0.0}}, trace = 0.0;
+    double N[MOST_UNKNOWNS][MOST_UNKNOWNS] = {{0.0}};
     memset(right, 0, MOST_UNKNOWNS * sizeof(double));
     for (int64_t point = 0; point < c->count; point++) {
         double turned[3], rows[3][MOST_UNKNOWNS];
@@ -148,29 +148,7 @@ static int similarity_normals(const Common *c, const At *at, const double *facto
         for (int j = 0; j <= i; j++)
             N[i][j] *= scaling[i] * scaling[j];
     }
-    for (int j = 0; j < n; j++) {
-        for (int k = 0; k < j; k++)
-            N[j][j] -= N[j][k] * N[j][k];
-        if (!(N[j][j] > 0.0))
-            return 0;
-        N[j][j] = sqrt(N[j][j]);
-        for (int i = j + 1; i < n; i++) {
-            for (int k = 0; k < j; k++)
-                N[i][j] -= N[i][k] * N[j][k];
-            N[i][j] /= N[j][j];
-        }
-    }
-    memset(inverse, 0, MOST_UNKNOWNS * MOST_UNKNOWNS * sizeof(double));
-    for (int j = 0; j < n; j++)
-        for (int i = j; i < n; i++) {
-            double sum = i == j;
-            for (int k = j; k < i; k++)
-                sum -= N[i][k] * inverse[k][j];
-            inverse[i][j] = sum / N[i][i];
-            trace += inverse[i][j] * inverse[i][j];
-        }
-    /* the trace is above the reciprocal of the smallest eigenvalue */
-    return trace * singular < 1.0;
+    return invert_factor(n, MOST_UNKNOWNS, N[0], inverse[0], singular);
 }
 
 /* Move to the next state; returns the step in standard deviations of the unknowns, negative where there is none. */

@@ -1,9 +1,6 @@
 /* Partial blocks of one system assembled into one; prelim_references/similarity.py does the same and explains it.
  */
 
-#ifndef ORIP_PRELIM_PARTIAL_BLOCKS_H
-#define ORIP_PRELIM_PARTIAL_BLOCKS_H
-
 #include "../compiled/linear.h"
 #include <string.h>
 
@@ -143,5 +140,3 @@ static int64_t assemble_points(const BlocksOfOneSystem *b, double steady, double
     }
     return found;
 }
-
-#endif
