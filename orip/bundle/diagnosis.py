@@ -322,8 +322,11 @@ def _behind(solved: SolvedBlock) -> Iterator[Diagnosis]:
 
 
 def _at_one_of_two_places(solved: SolvedBlock) -> Iterator[Diagnosis]:
-    """Name the points of which as many rays meet elsewhere: the lower cost is no proof of one ray more."""
-    if not solved.converged:
+    """Name the points of which as many rays meet elsewhere: the lower cost is no proof of one ray more.
+
+    Where residuals are far larger than their a-priori errors, rays do not fit by chance: it would be said of any point.
+    """
+    if not solved.converged or solved.variance.sigma0 > _SIGMA0_TOO_LARGE:
         return
     problem, factors = solved.problem, solved.weight_factors
     places = problem.rival_places(solved.state, solved.equations, factors, solved.weighing.final_limit)

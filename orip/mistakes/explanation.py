@@ -47,7 +47,7 @@ from orip.mistakes.misread_photos import MIRRORED, mirror_readings, mirrored_tex
 from orip.mistakes.order import hypotheses_of_failure, hypotheses_of_misfit
 from orip.mistakes.other_units import angles_in_another_unit, errors_too_large
 from orip.mistakes.photo_coordinates import COORDINATE_UNIT, mirrored_alone, mirrored_photos, mirrored_plane
-from orip.mistakes.photo_precision import precision_too_small
+from orip.mistakes.photo_precision import IMPRECISE, precision_too_small
 from orip.mistakes.point_numbers import misnamed_points, points_under_two_numbers
 from orip.mistakes.stations.along_flight import along_the_flight
 from orip.mistakes.stations.contradicting_positions import (
@@ -139,10 +139,21 @@ def explain_misfit(
     scattered = scattered_positions(solution) if given.scale < _FITS and readjuster.is_worthwhile else []
     if scattered:
         scattered = all_off_alike(misfit) or scattered
-    found = scattered or precision_too_small(solved, readjuster)
-    if found := found or lens_of_doubted_camera(misfit):
+    if found := scattered or _of_precision(misfit) or lens_of_doubted_camera(misfit):
         return found
     return _shown_by_itself(solution, solved, given, readjuster)[:_MOST_WARNINGS]
+
+
+def _of_precision(misfit: Misfit) -> list[ProjectWarning]:
+    """Return that photo points are less precise than is said, after what the block shows if they are."""
+    found = precision_too_small(misfit.solved, misfit.readjuster)
+    if found is None:
+        return []
+    others: list[ProjectWarning] = []
+    if found.warning.code == IMPRECISE:
+        readjuster, fit = replace(misfit.readjuster, block=found.block), fit_of_adjustment(found.solved)
+        others = _shown_by_itself(solution_of(found.solved), found.solved, fit, readjuster)
+    return [*others[: _MOST_WARNINGS - 1], found.warning]
 
 
 def _of_ground(misfit: Misfit, given: Fit) -> list[ProjectWarning]:

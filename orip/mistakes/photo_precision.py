@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -14,18 +14,22 @@ from orip.structs import replace
 if TYPE_CHECKING:
     from orip.bundle.solve import SolvedBlock
 
-PRECISION = "measurement-precision"
+PRECISION, IMPRECISE = "measurement-precision", "imprecise-points"
+"""Codes where the weights bend the block, and where they do not."""
 
 OF_PRECISION = "the photo points are measured less precisely than is said"
 """What the status says."""
 
-_SUSPECTED, _TOO_BAD, _LARGEST, _ROUGHEST = 1.5, 4.0, 200.0, 3.0
+_SUSPECTED, _TOO_SMALL, _BENDING, _LARGEST, _ROUGHEST = 1.5, 2.0, 4.0, 200.0, 3.0
 """Standard error of unit weight of most residuals of a block that is bent by its weights, and that of one that is not,
-from which an a-priori error is a mistake; the factor up to which others are tried, and the pixels to which anyone
-measures."""
+from which an a-priori error is named; that from which nothing else can be told; the factor up to which others are
+tried, and the pixels to which anyone measures."""
 
-_GENEROUS = 2.0
-"""Factor by which the error is first taken larger than the residuals."""
+_FAR_OFF = 5.0
+"""Standard residual that no observation has by chance."""
+
+_GENEROUS, _NEARLY_ONE, _TRIALS = 2.0, 0.8, 3
+"""Factor by which the error is first taken larger than the residuals, sigma0 at which it is found, and most trials."""
 
 _CELLS, _PATTERN = 6, 0.1
 """Cells along columns and rows of the pictures, and the part of the square sum that their means have at most: what
@@ -35,8 +39,16 @@ _DISPLACED = 1.6
 """Factor within which a residual is that of a decimal point that is displaced."""
 
 
-def precision_too_small(solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
-    """Return that the photo points are far less precise than `measurement_precision`, if all fits when they are.
+class Imprecision(NamedTuple):
+    """What is said of the precision of photo points, the block with that of the residuals, and its adjustment."""
+
+    warning: ProjectWarning
+    block: Block
+    solved: SolvedBlock
+
+
+def precision_too_small(solved: SolvedBlock, readjuster: Readjuster) -> Imprecision | None:
+    """Return by how much the photo points are less precise than `measurement_precision`, if all fits when they are.
 
     Parameters
     ----------
@@ -47,27 +59,43 @@ def precision_too_small(solved: SolvedBlock, readjuster: Readjuster) -> list[Pro
     block = readjuster.block
     precision, points = block.definition.measurement_precision, block.photo_points
     largest = solved.variance.sigma0_all
-    if not largest > _TOO_BAD or fit_of_adjustment(solved).scale < _SUSPECTED or not readjuster.is_worthwhile:
-        return []
+    if not largest > _TOO_SMALL or fit_of_adjustment(solved).scale < _SUSPECTED or not readjuster.is_worthwhile:
+        return None
     # errors that are far too large bend nothing, and show how large they are
-    factor = min(_GENEROUS * largest, _LARGEST)
-    adjusted = readjuster.adjust(_with_errors_times(block, factor))
-    factor *= np.nan if adjusted is None else adjusted.variance.sigma0
-    adjusted = readjuster.adjust(_with_errors_times(block, factor)) if np.isfinite(factor) else None
-    if adjusted is None or not adjusted.converged:
-        return []
-    factor *= adjusted.variance.sigma0
-    pixel = smallest_pixel(block)
+    found = _with_errors_of_residuals(readjuster, min(_GENEROUS * largest, _LARGEST), _TRIALS)
+    if found is None or not found[2].converged:
+        return None
+    factor, meant, adjusted = found
+    pixel, fit = smallest_pixel(block), fit_of_adjustment(adjusted)
     is_rough = pixel is not None and float(np.median(points.error)) * factor > _ROUGHEST * pixel
-    if factor < _TOO_BAD or is_rough or not is_good(fit_of_adjustment(adjusted)) or _has_pattern(adjusted):
-        return []
+    if factor < _TOO_SMALL or is_rough or not is_good(fit) or _has_pattern(adjusted):
+        return None
     given = written_precision(precision.value, precision.unit)
-    meant = likely_precision(precision.value, factor, precision.unit)
+    precise = likely_precision(precision.value, factor, precision.unit)
+    most = "all" if fit.standard.max() < _FAR_OFF else "most"
     text = (
         f"measurement_precision = {given} is {factor:.3g} times smaller than the residuals, everywhere in the "
-        f"pictures; write {meant}, with which all observations fit"
+        f"pictures; write {precise}, with which {most} observations fit"
     )
-    return [ProjectWarning(PRECISION, f"bundle {block.definition.name}", text)]
+    code = PRECISION if factor > _BENDING else IMPRECISE
+    return Imprecision(ProjectWarning(code, f"bundle {block.definition.name}", text), meant, adjusted)
+
+
+def _with_errors_of_residuals(
+    readjuster: Readjuster, factor: float, trials: int
+) -> tuple[float, Block, SolvedBlock] | None:
+    """Return the size of the residuals in a-priori errors, the block with errors near that size, and its adjustment.
+
+    Where errors are taken far too large, blunders make the residuals appear larger: so often it is tried.
+    """
+    block = _with_errors_times(readjuster.block, factor)
+    solved = readjuster.adjust(block)
+    if solved is None or not np.isfinite(solved.variance.sigma0):
+        return None
+    size = factor * solved.variance.sigma0
+    if solved.variance.sigma0 > _NEARLY_ONE or trials == 1:
+        return size, block, solved
+    return _with_errors_of_residuals(readjuster, size, trials - 1)
 
 
 def _with_errors_times(block: Block, factor: float) -> Block:

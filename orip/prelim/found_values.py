@@ -107,10 +107,11 @@ def weak_connections(rays: ImageRays, common: IntArray, known_on_ground: BoolArr
             if part == largest or part in named:
                 continue
             members = np.array(list(_places(part)), dtype=np.int64)
-            shared, points = _shared(rays, members, joint)
-            if shared <= _FEW and np.count_nonzero(known_on_ground & points) < 2:
+            shared, seen = _shared(rays, members, joint)
+            known = known_on_ground & seen
+            if np.count_nonzero(shared) <= _FEW and np.count_nonzero(known) < 2:
                 named.add(part)
-                yield _sentence(rays, members, joint, shared)
+                yield _sentence(rays, members, joint, int(np.count_nonzero(shared | known)))
 
 
 def _neighbours(together: BoolArray) -> list[int]:
@@ -158,24 +159,26 @@ def _parts(neighbours: Sequence[int], photos: int) -> Iterator[int]:
         yield part
 
 
-def _shared(rays: ImageRays, members: IntArray, joint: int) -> tuple[int, BoolArray]:
-    """Return how many points photos share with those outside, the joint excepted, and which points they see."""
+def _shared(rays: ImageRays, members: IntArray, joint: int) -> tuple[BoolArray, BoolArray]:
+    """Return which points photos share with those outside, the joint excepted, and which points they see."""
     photos = np.zeros(len(rays.photos), dtype=bool)
     photos[members] = True
     inside, outside = np.zeros((2, len(rays.points)), dtype=bool)
     inside[rays.point[photos[rays.photo]]] = True
     photos[joint] = True
     outside[rays.point[~photos[rays.photo]]] = True
-    return int(np.count_nonzero(inside & outside)), inside
+    return inside & outside, inside
 
 
-def _sentence(rays: ImageRays, members: IntArray, joint: int, shared: int) -> str:
+def _sentence(rays: ImageRays, members: IntArray, joint: int, points: int) -> str:
     photos = f"{agreeing(len(members), 'photo')} {first_names([rays.photos[photo] for photo in members], _NAMED)}"
-    are = agreeing(len(members), "is", "are")
-    return (
-        f"{photos} {are} connected with the others only by photo {rays.photos[joint]} and {counted(shared, 'point')}, "
-        "which alone determine the scale there: measure more common points, or control"
+    only = f"{agreeing(len(members), 'is', 'are')} connected with the others only by photo {rays.photos[joint]}"
+    scale = (
+        f"{only} and {counted(points, 'point')}, which alone {agreeing(points, 'determines', 'determine')} the scale"
+        if points
+        else f"{only}, and no point determines the scale"
     )
+    return f"{photos} {scale} there: measure more common points, or control"
 
 
 def found_values(

@@ -10,6 +10,7 @@ from msgspec import Struct, field
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.geometry.similarity import Similarity
 from orip.prelim.compiled import kernels
+from orip.prelim.intersection import SMALLEST_ANGLE
 from orip.prelim.rays import ImageRays, PhotoIndex
 from orip.prelim.refinement import corrected, no_corrections
 from orip.prelim.relative.orientation import OrientedPair
@@ -168,9 +169,24 @@ def residual_lengths(rays: ImageRays, grown: GrowingBlock) -> FloatArray:
     """Return the lengths (n,) of the residuals of rays, as the system shows them, over their a-priori errors.
 
     Infinite for a point behind the photo, and for one that is in several oriented photos but not determined; NaN where
-    the photo is not oriented, or is the only one with the point.
+    the photo is not oriented, is the only one with the point, or all rays of the point are nearly parallel.
     """
-    return _residual_lengths(rays, grown)
+    lengths = _residual_lengths(rays, grown)
+    lost = np.flatnonzero(np.isinf(lengths) & ~grown.known[rays.point])
+    if len(lost):
+        lengths[lost[_are_parallel(rays.of(lost), grown)]] = np.nan
+    return lengths
+
+
+def _are_parallel(rays: ImageRays, grown: GrowingBlock) -> BoolArray:
+    """Return which rays (n,) are those of points none of whose rays is far from the mean direction."""
+    directions = np.einsum("nij,nj->ni", grown.rotations[rays.photo], rays.vectors)
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    mean = np.zeros((len(rays.points), 3))
+    np.add.at(mean, rays.point, directions)
+    apart = np.linalg.norm(np.cross(directions, mean[rays.point]), axis=1)
+    far = apart > 0.5 * SMALLEST_ANGLE * np.einsum("ni,ni->n", directions, mean[rays.point])
+    return np.asarray(np.bincount(rays.point[far], minlength=len(rays.points))[rays.point] == 0)
 
 
 def _residual_lengths(rays: ImageRays, grown: GrowingBlock) -> FloatArray:

@@ -17,7 +17,7 @@ from orip.mistakes.errors_too_small import TOO_SMALL
 from orip.mistakes.hypothesis import EXPLAINING_WARNINGS
 from orip.mistakes.names import OTHER_SPELLING
 from orip.mistakes.photo_coordinates import COORDINATE_UNIT, RESOLUTION
-from orip.mistakes.photo_precision import OF_PRECISION, PRECISION
+from orip.mistakes.photo_precision import IMPRECISE, OF_PRECISION, PRECISION
 from orip.mistakes.stations.contradicting_positions import SHORT_TEXTS_OF_POSITIONS
 from orip.mistakes.stations.misread_angles import CODE as ANGLES
 from orip.mistakes.stations.misread_angles import OF_ANGLES
@@ -76,6 +76,8 @@ def judged(
 
 def _mistake(warning: ProjectWarning) -> Diagnosis:
     """Return what the first sentence has of a warning that says what is probably wrong."""
+    if warning.code == IMPRECISE:
+        return Diagnosis(EXPLAINED, warning.where, OF_PRECISION, "first correct it as the warning says")
     if warning.code == REPLACED:
         text = "not from the given values, see the warning"
     elif warning.where:

@@ -199,3 +199,17 @@ def test_a_pair_that_has_kept_its_points_is_not_oriented_again(convergent: Synth
     assert (without_third.point[kept.rows[1]] == rays.point[first.rows[1]]).all()
     assert changed.solution is not first.solution
     assert (changed.solution.parallax == alone.solution.parallax).all()
+
+
+@pytest.mark.parametrize(("turned", "fits"), [(0.0, True), (2.0, False)])
+def test_a_point_of_parallel_rays_does_not_tell_that_a_photo_is_in_the_wrong_place(turned: float, fits: bool) -> None:
+    # the base is a three-hundredth of the distance; if the second photo is turned, the rays no longer agree
+    vectors = np.array([[3.0, -2.0, -50.0], [3.0 - 50.0 / 300.0, -2.0, -50.0]])
+    at = np.arange(2)
+    rays = ImageRays(("A", "B"), ("1",), at, np.zeros(2, dtype=np.int64), vectors[:, :2], vectors, np.full(2, 0.005))
+    grown = empty_growing_block(rays)
+    for photo in (0, 1):
+        rotation = Rotation.from_euler("x", photo * turned, degrees=True).as_matrix()
+        grown = grown.with_photo(photo, rotation, np.array([photo / 300.0, 0.0, 0.0]), "")
+    lengths = residual_lengths(rays, grown)
+    assert (np.isnan(lengths) if fits else np.isinf(lengths)).all()

@@ -48,6 +48,13 @@ def test_few_points_across() -> None:
     assert sentence.startswith("photos P1, P2 are connected with the others only by photo P3 and 2 points,")
 
 
+def test_one_point_across_or_none() -> None:
+    (sentence,) = told(strip(0))
+    assert "only by photo P3, and no point determines the scale there: measure more" in sentence
+    for (sentence,) in (told(strip(1)), told(strip(0), control=1)):
+        assert "only by photo P3 and 1 point, which alone determines the scale there" in sentence
+
+
 def test_enough_points_across_or_control_beyond() -> None:
     assert told(strip(6)) == []
     assert told(strip(2), control=2) == []

@@ -126,9 +126,7 @@ class PhotoPointObservations(Observations, frozen=True):
         partials[:, :, _ROTATION] = partials[:, :, _ROTATION] @ state.rotation_basis()[self.photo]
         residual[~image.in_front] = 0.0
         partials[~image.in_front] = 0.0
-        return Linearisation(
-            residual.ravel(), partials.reshape(len(residual.ravel()), -1), np.repeat(image.in_front, 2)
-        )
+        return Linearisation(residual.ravel(), partials.reshape(-1, partials.shape[2]), np.repeat(image.in_front, 2))
 
     def moving_image(self, state: BlockState, row: float | None = None) -> MovingImage:
         """Return the ideal coordinates, each at the time of its row, or all of one."""
