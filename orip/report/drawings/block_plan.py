@@ -262,7 +262,7 @@ def _overlap(given: ReportInput, scene: _Scene, plane: MapPlane) -> Markup:
     return drawing(*plane.size, label, [plane.clipped(drawn), *plane.axes(_axis_names(scene.side, unit))], "map")
 
 
-def overlap_cells(plane: MapPlane, footprints: FloatArray, cells: int) -> list[Markup]:
+def overlap_cells(plane: MapPlane, footprints: FloatArray, cells: int) -> list[str]:
     """Return squares, so many along the longer side of a map: of how many of the footprints (m, 4, 2) each is in."""
     step = max(plane.width, plane.height) / plane.scale / cells
     columns, rows = (int(np.ceil(size / plane.scale / step)) for size in (plane.width, plane.height))
