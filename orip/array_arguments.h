@@ -139,6 +139,12 @@ static inline PyObject *done(Arguments *a)
     Py_RETURN_NONE;
 }
 
+static inline PyObject *done_with(Arguments *a, PyObject *found)
+{
+    release(a);
+    return found;
+}
+
 static inline int64_t length_of(const Arguments *a, int array)
 {
     return a->views[array].len / a->views[array].itemsize;

@@ -62,6 +62,11 @@ def test_planted_mistakes_of_rigs_are_named(what: str) -> None:
     check_planted(what, 2, 1)
 
 
+def test_a_wrong_mounting_is_named_where_another_one_is_little_known() -> None:
+    """Against the second camera alone the third one would not be significantly off."""
+    assert named("mounting", 41) == (True, [])
+
+
 @pytest.mark.long
 @pytest.mark.timeout(3600)
 def test_errors_in_200_blocks() -> None:

@@ -12,7 +12,7 @@ from msgspec import Struct, field
 
 from orip.errors import Complaint
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays, PhotoNames
-from orip.exchange.sources.text import Faults, Row, Table, read_table
+from orip.exchange.sources.text import GROUND_LENGTHS, Faults, Row, Table, read_table
 from orip.files.text.shown import Parsed
 from orip.records.control import ControlPoint, Station
 from orip.records.exchanged import (
@@ -24,6 +24,7 @@ from orip.records.exchanged import (
     PoseReading,
 )
 from orip.structs import replace
+from orip.units import METRES_PER_FOOT
 from orip.wording import counted
 
 # Coordinates in images are columns and rows from the outer corner of the upper left pixel, or millimetres from the
@@ -153,6 +154,7 @@ def _project(found: _Read, tables: Mapping[str, Table]) -> ExchangedProject:
         for name, table in tables.items()
         if table.ignored
     ]
+    notes += [note for name, table in tables.items() for note in _said_of_units(name, table)]
     commas = [name for name, table in tables.items() if table.has_decimal_commas]
     notes += [f"Numbers with decimal commas: {', '.join(commas)}."] if commas else []
     return ExchangedProject(
@@ -167,6 +169,15 @@ def _project(found: _Read, tables: Mapping[str, Table]) -> ExchangedProject:
         ground_unit="m" if found.control or found.stations else "unit",
         notes=tuple(notes),
     )
+
+
+def _said_of_units(name: str, table: Table) -> Iterator[str]:
+    """Yield a sentence for each unit of lengths but metres."""
+    factors = {column: table.scale.get(column, 1.0) for column in table.columns if column in GROUND_LENGTHS}
+    for factor in sorted(set(factors.values()) - {1.0}):
+        columns = ", ".join(column for column, its in factors.items() if its == factor)
+        foot = " (international feet; write ftUS for those of the US survey)" if factor == METRES_PER_FOOT else ""
+        yield f"{name}: {columns} multiplied by {factor:.10g} to be in metres{foot}."
 
 
 def _add_camera(table: Table, row: Row, axes: ImageAxes, found: _Read) -> None:

@@ -144,13 +144,8 @@ def _orient(
     try:
         transformation = fit_plane_transformation(kind, marks.measured[used], given[used])
     except ValueError as fault:
-        pair = _exchanged_marks(kind, marks.measured[used], given[used])
         names = [mark for mark, is_used in zip(marks.names, used, strict=True) if is_used]
-        remedy = (
-            f"marks {names[pair[0]]} and {names[pair[1]]} fit when their names are exchanged"
-            if pair
-            else "measure marks that are spread over the frame"
-        )
+        remedy = _remedy(kind, names, marks.measured[used], given[used])
         message = f"{what} {name} cannot be oriented: {fault}; {remedy}"
         raise OrientationError(message) from None
     residuals = transformation.apply(marks.measured) - given
@@ -168,19 +163,25 @@ def _orient(
     )
 
 
-def _exchanged_marks(kind: TransformationKind, measured: FloatArray, given: FloatArray) -> tuple[int, int] | None:
-    """Return the rows of two marks that, exchanged, make all marks fit a transformation; None for none."""
+def _remedy(kind: TransformationKind, names: list[str], measured: FloatArray, given: FloatArray) -> str:
+    """Return what is to be done with marks that no transformation fits as they are."""
+    order = np.arange(len(given))
+    ways = [(measured * [-1.0, 1.0], order, "they fit as a mirror image: the film or scan lies upside down")]
     for pair in combinations(range(len(given)), 2):
-        rows = np.arange(len(given))
+        rows = order.copy()
         rows[list(pair)] = pair[::-1]
+        text = f"marks {names[pair[0]]} and {names[pair[1]]} fit when their names are exchanged"
+        ways.append((measured, rows, text))
+    found = []
+    for lying, rows, text in ways:
         try:
-            transformation = fit_plane_transformation(kind, measured, given[rows])
+            transformation = fit_plane_transformation(kind, lying, given[rows])
         except ValueError:
             continue
-        residuals = transformation.apply(measured) - given[rows]
-        if not transformation.mirrored and np.abs(residuals).max() < _FITS * np.ptp(given, axis=0).max():
-            return pair
-    return None
+        largest = float(np.abs(transformation.apply(lying) - given[rows]).max())
+        if not transformation.mirrored and largest < _FITS * np.ptp(given, axis=0).max():
+            found.append((largest, text))
+    return min(found)[1] if found else "measure marks that are spread over the frame"
 
 
 def _fits_better_mirrored(kind: TransformationKind, measured: FloatArray, given: FloatArray, square_sum: float) -> bool:

@@ -189,25 +189,48 @@ def _mean_covariance(state: RigState, covariances: FloatArray, camera: int) -> F
 
 
 def _off(said: dict[int, _Pose], found: _Found) -> dict[int, tuple[FloatArray, FloatArray]]:
-    """Return the cameras that are not where most others, put where these are, have them: shift (3,), rotation (3,).
+    """Return the cameras that are not where the others, put where they are, have them: shift (3,), rotation (3,).
 
-    Of two cameras it is the second one.
+    Left out one after the other, that which fits least first; of two cameras it is the second one.
     """
-    best: dict[int, tuple[FloatArray, FloatArray]] | None = None
-    for anchor in said:
-        off = {}
-        for row in said:
-            if row == anchor:
-                continue
-            difference, arm = _difference(said, found.poses, anchor, row)
-            turn = np.eye(6)
-            turn[:3, 3:] = -cross_matrix(arm[None])[0]
-            covariance = found.covariances[row] + turn @ found.covariances[anchor] @ turn.T
-            if difference @ np.linalg.pinv(covariance, hermitian=True) @ difference > _LIMIT:
-                off[row] = difference[:3], difference[3:]
-        if best is None or len(off) < len(best):
-            best = off
-    return best or {}
+    left, off = list(said), []
+    while len(left) > 1:
+        tested = left if len(left) > 2 else left[1:]
+        squares = [_against_others(said, found, left, row)[1] for row in tested]
+        if max(squares) <= _LIMIT:
+            break
+        off.append(tested[int(np.argmax(squares))])
+        left.remove(off[-1])
+    differences = {row: _against_others(said, found, left, row)[0] for row in said if row in off}
+    return {row: (difference[:3], difference[3:]) for row, difference in differences.items()}
+
+
+def _against_others(said: dict[int, _Pose], found: _Found, others: list[int], row: int) -> tuple[FloatArray, float]:
+    """Return shift and rotation (6,) of a camera against where others have it, and their square over the covariance.
+
+    The others are put where they are by least squares.
+    """
+    others = [other for other in others if other != row]
+    normals, right = np.zeros((6, 6)), np.zeros(6)
+    for other in others:
+        difference, arm = _difference(said, found.poses, others[0], other)
+        moved = _by_motion(arm)
+        weighted = moved.T @ np.linalg.pinv(found.covariances[other], hermitian=True)
+        normals += weighted @ moved
+        right += weighted @ difference
+    cofactors = np.linalg.pinv(normals, hermitian=True)
+    difference, arm = _difference(said, found.poses, others[0], row)
+    moved = _by_motion(arm)
+    difference = difference - moved @ cofactors @ right
+    covariance = found.covariances[row] + moved @ cofactors @ moved.T
+    return difference, float(difference @ np.linalg.pinv(covariance, hermitian=True) @ difference)
+
+
+def _by_motion(arm: FloatArray) -> FloatArray:
+    """Return the partials (6, 6) of place and rotation at the end of an arm by shift and rotation at its beginning."""
+    partials = np.eye(6)
+    partials[:3, 3:] = -cross_matrix(arm[None])[0]
+    return partials
 
 
 def _size(said: dict[int, _Pose], found: _Found) -> float:

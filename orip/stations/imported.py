@@ -37,7 +37,11 @@ _SBET_ENDINGS = (".sbet", ".out")
 
 
 def read_epochs(
-    path: Path, shown: str, columns: Mapping[str, str] | None = None, deviations: Path | None = None
+    path: Path,
+    shown: str,
+    columns: Mapping[str, str] | None = None,
+    deviations: Path | None = None,
+    ground_unit: str = "",
 ) -> Parsed[Epochs]:
     """Read a file, or the image files of a folder, by the ending of its name.
 
@@ -52,6 +56,8 @@ def read_epochs(
         Headings of a table by key.
     deviations : Path, optional
         SMRMSG file beside an SBET.
+    ground_unit : str
+        The project's, for X, Y and Z of a table.
     """
     ending = path.suffix.lower()
     if path.is_dir():
@@ -71,7 +77,7 @@ def read_epochs(
         return read_sbet(path, shown, deviations, "" if deviations is None else deviations.name)
     if is_receiver_file(path):
         return _receiver_events(path, shown)
-    return read_station_table(path, shown, columns)
+    return read_station_table(path, shown, columns, ground_unit)
 
 
 def _receiver_events(path: Path, shown: str) -> Parsed[Epochs]:
@@ -233,7 +239,8 @@ def _read(project: ProjectFolder, files: ImportFiles, photos: Sequence[str]) -> 
     def read(path: Path) -> Parsed[Epochs]:
         there = project.folder / path
         deviations = None if files.deviations is None else project.folder / files.deviations
-        return read_epochs(there, project.shown(there), files.columns, deviations)
+        unit = project.definition.ground_unit
+        return read_epochs(there, project.shown(there), files.columns, deviations, unit)
 
     source = read(files.source)
     events = None if files.events is None else read(files.events)

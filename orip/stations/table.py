@@ -14,11 +14,12 @@ from msgspec import Struct, field
 
 from orip.arrays import FloatArray
 from orip.errors import Complaint
-from orip.files.text.decimal_numbers import parse_number
+from orip.files.text.decimal_numbers import parse_degrees, parse_number
 from orip.files.text.lines import foreign_text, has_zeros, read_bytes
 from orip.files.text.separated import (
     DEGREES,
     EXTRA_FIELDS,
+    EXTRA_WORDS,
     METRES,
     fields_of_line,
     has_decimal_commas,
@@ -28,7 +29,7 @@ from orip.files.text.separated import (
 from orip.files.text.shown import Parsed, printable, shown_token
 from orip.records.epochs import SECONDS_PER_WEEK, Epochs, Mount, Quality, epochs, seconds_of_date
 from orip.records.names import name_fault
-from orip.units import RADIANS_PER_DEGREE
+from orip.units import METRES_PER_GROUND_UNIT, RADIANS_PER_DEGREE
 
 MOST_COMPLAINTS = 200
 """After so many faults the rest of a file is not read: it is probably of another kind."""
@@ -61,10 +62,18 @@ class RowReader(Struct):
         column = row.column[index] if index is not None and index < len(row.column) else None
         self.complaints.append(Complaint(printable(message), self.shown, row.number, column))
 
-    def number(self, row: Row, index: int, least: float = -math.inf, largest: float = math.inf) -> float:
-        """Return a field that is a number within limits; NaN, and a complaint kept, if it is not one."""
+    def number(
+        self, row: Row, index: int, least: float = -math.inf, largest: float = math.inf, sides: str = ""
+    ) -> float:
+        """Return a field that is a number within limits; NaN, and a complaint kept, if it is not one.
+
+        Parameters
+        ----------
+        sides : str
+            Of a longitude or latitude: see `parse_degrees`.
+        """
         try:
-            value = parse_number(row.fields[index])
+            value = parse_degrees(row.fields[index], sides) if sides else parse_number(row.fields[index])
         except ValueError as fault:
             self.complain(str(fault), row, index)
             return math.nan
@@ -124,11 +133,15 @@ HEADINGS: Final[Mapping[str, str]] = MappingProxyType(
 _QUALITY: Mapping[str, Quality] = {
     "1": "fixed", "fix": "fixed", "fixed": "fixed", "50": "fixed", "2": "float", "float": "float", "34": "float",
 }  # fmt: skip
+_SIDES = {"longitude": "EW", "latitude": "NS"}
 _ERRORS = {"aX", "aY", "aZ"}
+_LENGTHS = {"X", "Y", "Z", *_ERRORS}
 _NOT_KNOWN = {"", "-"}
 
 
-def read_station_table(path: Path, shown: str, columns: Mapping[str, str] | None = None) -> Parsed[Epochs]:
+def read_station_table(
+    path: Path, shown: str, columns: Mapping[str, str] | None = None, ground_unit: str = ""
+) -> Parsed[Epochs]:
     """Read a table.
 
     Parameters
@@ -137,6 +150,8 @@ def read_station_table(path: Path, shown: str, columns: Mapping[str, str] | None
     shown : str
     columns : mapping of str to str, optional
         Headings by key of `HEADINGS`, where they are not recognised.
+    ground_unit : str
+        The project's, that of X, Y and Z whose heading names another one.
     """
     data, complaints = read_bytes(path, shown)
     reader = RowReader(shown, list(complaints))
@@ -153,13 +168,14 @@ def read_station_table(path: Path, shown: str, columns: Mapping[str, str] | None
             break
         if len(row.fields) < width:
             reader.complain(f"a field is missing, {len(row.fields)} found; the heading has {width}", row)
-        elif separator == "," and any(row.fields[width:]):
-            reader.complain(f"{len(row.fields)} fields, and the heading has {width}{EXTRA_FIELDS}", row)
+        elif separator in (",", None) and any(row.fields[width:]):
+            hint = EXTRA_FIELDS if separator else EXTRA_WORDS
+            reader.complain(f"{len(row.fields)} fields, and the heading has {width}{hint}", row)
         else:
             records.append(row)
     if separator != "," and has_decimal_commas(word for row in records for word in row.fields):
         records = [Row(row.number, tuple(_with_point(word) for word in row.fields), row.column) for row in records]
-    return Parsed(_epochs(reader, records, places, heading), tuple(reader.complaints))
+    return Parsed(_epochs(reader, records, places, heading, ground_unit), tuple(reader.complaints))
 
 
 def _with_point(word: str) -> str:
@@ -239,14 +255,19 @@ def _missing(found: Mapping[str, int]) -> str:
     return ""
 
 
-def _epochs(reader: RowReader, rows: Sequence[Row], places: Mapping[str, int], heading: Row) -> Epochs:
+def _epochs(
+    reader: RowReader, rows: Sequence[Row], places: Mapping[str, int], heading: Row, ground_unit: str
+) -> Epochs:
     count = len(rows)
 
     def column(key: str, least: float = -math.inf, largest: float = math.inf) -> FloatArray:
         if key not in places:
             return np.full(count, np.nan)
-        numbers = [_number(reader, row, places[key], least, largest) for row in rows]
-        return _scale(key, unit(key), unit("Z"), is_geographic=is_geographic) * np.array(numbers, dtype=np.float64)
+        sides = _SIDES.get(key, "")
+        numbers = [_number(reader, row, places[key], least, largest, sides) for row in rows]
+        of_ground = "m" if is_geographic else ground_unit or unit("Z")
+        written = unit(key) or (unit("Z") if key in _ERRORS and not is_geographic else "")
+        return _scale(key, written, of_ground) * np.array(numbers, dtype=np.float64)
 
     def unit(key: str) -> str:
         return unit_of(heading.fields[places[key]]) if key in places else ""
@@ -286,21 +307,16 @@ def _epochs(reader: RowReader, rows: Sequence[Row], places: Mapping[str, int], h
     )
 
 
-def _scale(key: str, unit: str, of_height: str, *, is_geographic: bool) -> float:
-    """Return what numbers of a column are multiplied by: angles become degrees, heights above an ellipsoid metres.
-
-    Errors whose unit is named become those of the coordinates.
-    """
-    if key in _ERRORS:
-        of_place = METRES.get(of_height, 1.0) if unit and not is_geographic else 1.0
-        return METRES.get(unit, 1.0) / of_place
-    if is_geographic and key == "Z":
-        return METRES.get(unit, 1.0)
-    return DEGREES.get(unit, 1.0)
+def _scale(key: str, unit: str, of_ground: str) -> float:
+    """Return what numbers of a column are multiplied by: angles become degrees, lengths those of the ground unit."""
+    if key not in _LENGTHS:
+        return DEGREES.get(unit, 1.0)
+    ground = METRES_PER_GROUND_UNIT.get(of_ground) or METRES.get(of_ground, 1.0)
+    return METRES.get(unit, ground) / ground
 
 
-def _number(reader: RowReader, row: Row, index: int, least: float, largest: float) -> float:
-    return math.nan if row.fields[index] in _NOT_KNOWN else reader.number(row, index, least, largest)
+def _number(reader: RowReader, row: Row, index: int, least: float, largest: float, sides: str) -> float:
+    return math.nan if row.fields[index] in _NOT_KNOWN else reader.number(row, index, least, largest, sides)
 
 
 def _name(reader: RowReader, row: Row, index: int) -> str:

@@ -73,3 +73,22 @@ def test_control_on_a_map_and_positions_in_degrees_come_together() -> None:
 
 def test_a_plain_project_has_no_local_system() -> None:
     assert local_ground(block(READING)) is None
+
+
+def test_control_in_feet_of_the_us_survey_is_that_in_metres() -> None:
+    # NAD83(2011) / New York Long Island, in metres and in US survey feet; neither has heights
+    places = np.array([[304_800.0, 60_960.0, 90.0], [304_900.0, 61_060.0, 95.0]])
+    found = []
+    for crs, unit in (("EPSG:6538", 1.0), ("EPSG:6539", 1200.0 / 3937.0)):
+        control = tuple(
+            ControlPoint(str(n), (x / unit, y / unit, z), (None, None, None)) for n, (x, y, z) in enumerate(places)
+        )
+        project = replace(
+            block(READING), frame=GroundFrame("topocentric", (-73.94, 40.71, 0.0)), control=control, control_crs=crs
+        )
+        ground = local_ground(project)
+        assert ground is not None
+        local = in_local_ground(project, ground)
+        assert any("(ftUS)) are in US survey foot, and it has no heights" in note for note in local.notes) == (unit < 1)
+        found.append(np.array([point.coordinates for point in local.control]))
+    assert found[1] == pytest.approx(found[0], abs=1e-6)

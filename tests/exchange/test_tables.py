@@ -111,3 +111,24 @@ def test_what_is_wrong_in_a_table_is_said_with_its_line(tmp_path: Path, name: st
     written(tmp_path / name, text)
     complaints = [str(complaint) for complaint in read_tables(tmp_path, "t").complaints]
     assert any(message in complaint and complaint.startswith(f"t/{name}") for complaint in complaints), complaints
+
+
+@pytest.mark.parametrize(
+    ("heading", "metres"),
+    [
+        ("point,X,Y,Z", 1.0),
+        ("point,X (ft),Y [ft],Z (feet)", 0.3048),
+        ("point,X_ft,Y_ft,Z_ft", 0.3048),
+        ("point,East (ftUS),North (US survey feet),Height ftUS", 1200.0 / 3937.0),
+        ("point,X (mm),Y (mm),Z (mm)", 0.001),
+        ("point,X (m),Y (m),Z (m)", 1.0),
+    ],
+)
+def test_ground_coordinates_are_in_the_unit_of_their_heading(tmp_path: Path, heading: str, metres: float) -> None:
+    tables_of(tmp_path, block(READING))
+    written(tmp_path / "control.csv", f"{heading}\nA,1000,2000,300\n")
+    project = read_well(read_tables, tmp_path)
+    assert project.control[0].coordinates == pytest.approx((1000 * metres, 2000 * metres, 300 * metres), rel=1e-14)
+    said = [note for note in project.notes if "to be in metres" in note]
+    assert len(said) == (metres != 1.0)
+    assert all(("international feet" in note) == (metres == 0.3048) for note in said)

@@ -66,12 +66,36 @@ def test_films_that_scatter_as_they_do_have_no_wrong_marks(seed: int) -> None:
     assert misnamed_marks([film.adjustment for film in films]) == []
 
 
-def test_two_corners_exchanged_are_named_where_no_transformation_fits() -> None:
-    measured = AROUND[[1, 0, 2, 3]]
-    marks = MeasuredMarks(NAMES[:4], measured, np.zeros(4, dtype=bool), np.full_like(measured, np.nan))
+def test_films_scanned_from_the_back_have_no_marks_exchanged() -> None:
+    random = np.random.default_rng(10)
     camera = Camera("A", (153.0, *[0.0] * 12), fiducials=tuple(map(Mark, NAMES, *AROUND.T.tolist())))
-    with pytest.raises(OrientationError, match="marks 1 and 2 fit when their names are exchanged"):
-        orient_photo(PhotoOrientation("101", "A", marks), camera, on_template=False)
+    films = []
+    for row in range(6):
+        seen = AROUND[[0, 1, 3]] * [-1.0, 1.0] + random.normal(0.0, 0.003, (3, 2))
+        marks = MeasuredMarks(("1", "2", "4"), seen, np.zeros(3, dtype=bool), np.full_like(seen, np.nan))
+        films.append(orient_photo(PhotoOrientation(str(row), "C", marks), camera, on_template=False).adjustment)
+    assert all(film.mirrored for film in films)
+    assert misnamed_marks(films) == []
+
+
+@pytest.mark.parametrize(
+    ("kind", "order", "factor", "said"),
+    [
+        ("A", (1, 0, 2, 3), 1.0, "marks 1 and 2 fit when their names are exchanged"),
+        ("C", (2, 1, 0, 3), 1.0, "marks 1 and 3 fit when their names are exchanged"),
+        ("C", (0, 1, 2, 3), -1.0, "they fit as a mirror image"),
+    ],
+)
+def test_what_is_wrong_is_named_where_no_transformation_fits(
+    kind: TransformationKind, order: tuple[int, ...], factor: float, said: str
+) -> None:
+    # the corners of a camera are no perfect square
+    corners = AROUND[:4] + np.random.default_rng(11).normal(0.0, 0.02, (4, 2))
+    measured = corners[list(order)] * [factor, 1.0]
+    marks = MeasuredMarks(NAMES[:4], measured, np.zeros(4, dtype=bool), np.full_like(measured, np.nan))
+    camera = Camera("A", (153.0, *[0.0] * 12), fiducials=tuple(map(Mark, NAMES, *corners.T.tolist())))
+    with pytest.raises(OrientationError, match=said):
+        orient_photo(PhotoOrientation("101", kind, marks), camera, on_template=False)
 
 
 @pytest.mark.parametrize(

@@ -55,6 +55,7 @@ from orip.interior.distortion import (
     lens_distortion_with_partials,
 )
 from orip.interior.image_coordinates import SetValues, image_residuals_with_partials
+from orip.mistakes.contradicting_rigs import _by_motion
 from orip.multimodel.photo_loop import camera_model
 from orip.prelim.relative.solution import Pairs
 from orip.records.block import Block, TheodoliteSet
@@ -118,7 +119,7 @@ def all_cases() -> list[Case]:
         *_plain_ground(), *_height_grid(),
         *_similarity(), *_image_residuals(), *_image_equation(), *_bases(), *_rates(),
         *_rotation_vectors(), *_shown_rotations(),
-        *_relative_poses(), *_rig_photos(),
+        *_relative_poses(), *_rig_photos(), *_rigid_motions(),
         *_parallaxes(), *_resection(), *_kinds(),
     ]  # fmt: skip
 
@@ -292,6 +293,15 @@ def _rig_photos() -> Iterator[Case]:
 
         partials = np.hstack([found.by_exposure[0], found.by_mounting[0]])
         yield Case(full_name(photos_with_partials), str(angles), at, value, partials)
+
+
+def _rigid_motions() -> Iterator[Case]:
+    arm = np.array([0.3, -0.2, 0.5])
+
+    def value(x: np.ndarray) -> np.ndarray:
+        return np.concatenate([x[:3] + rotation_about_axes(x[3:]) @ arm, x[3:]])
+
+    yield Case(full_name(_by_motion), str(arm), np.zeros(6), value, _by_motion(arm))
 
 
 def _frame() -> GroundFrame:

@@ -448,11 +448,10 @@ typedef struct {
 INLINE Places places_of(const Block *b, const Pattern *p, const Local *local, int32_t row, int32_t camera, int32_t *last)
 {
     const int32_t first = first_of_run(local, camera, 1, &last[1]), products = p->camera_products[camera];
-    const Places places = {
+    return (Places){
         first_of_run(local, (int32_t)b->camera_count + b->photo[row], 0, &last[0]), {first, first + products},
         p->camera_own[camera] + products,
     };
-    return places;
 }
 
 /* Whether the rows of x and of y have the same columns of the camera. */

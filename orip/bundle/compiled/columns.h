@@ -125,18 +125,10 @@ static void matrix_to_columns(const Pattern *p, const Local *local, int64_t size
 }
 
 /* Replace a vector of a group by columns by that by unknowns, or the other way. */
-INLINE void vector_to_unknowns(const Pattern *p, const Local *local, double *vector)
+INLINE void replace_vector(const Pattern *p, const Local *local, double *vector, void (*replace)(const Terms *, double *))
 {
     Terms t;
     for (int32_t r = 0; r < local->camera_runs; r++)
         if (has_terms(p, local->runs[r], &t))
-            to_unknowns(&t, vector + local->first[r]);
-}
-
-INLINE void vector_to_columns(const Pattern *p, const Local *local, double *vector)
-{
-    Terms t;
-    for (int32_t r = 0; r < local->camera_runs; r++)
-        if (has_terms(p, local->runs[r], &t))
-            to_columns(&t, vector + local->first[r]);
+            replace(&t, vector + local->first[r]);
 }

@@ -69,22 +69,15 @@ INLINE void add_by_columns(double *sums, int rows, const double *const *row, int
         }
 }
 
-/* The numbers by the movements of a group's columns: those of cameras by columns become those by unknowns, or the other
+/* Replace the numbers by the movements of a group's columns, of cameras by columns, by those by unknowns, or the other
  * way. */
-INLINE void columns_to_unknowns(const Pattern *p, const Local *local, double *numbers)
+INLINE void replace_movements(const Pattern *p, const Local *local, double *numbers,
+                              void (*replace)(const Terms *, double *, int64_t))
 {
     Terms t;
     for (int32_t r = 0; r < local->camera_runs; r++)
         for (int v = 0; has_terms(p, local->runs[r], &t) && v < VECTORS; v++)
-            lanes_to_unknowns(&t, numbers + local->first[r] * MOST_MOVEMENTS + v * LANES, MOST_MOVEMENTS);
-}
-
-INLINE void unknowns_to_columns(const Pattern *p, const Local *local, double *numbers)
-{
-    Terms t;
-    for (int32_t r = 0; r < local->camera_runs; r++)
-        for (int v = 0; has_terms(p, local->runs[r], &t) && v < VECTORS; v++)
-            lanes_to_columns(&t, numbers + local->first[r] * MOST_MOVEMENTS + v * LANES, MOST_MOVEMENTS);
+            replace(&t, numbers + local->first[r] * MOST_MOVEMENTS + v * LANES, MOST_MOVEMENTS);
 }
 
 /* Add what the point at a place of the pattern contributes to the sums of its group, and to its own. */
@@ -138,7 +131,7 @@ static void movements_loop(const Block *b, const Pattern *p, Share share, const 
         memset(room, 0, sizeof(double) * MOST_MOVEMENTS * (size_t)local.size);
         for (int64_t place = p->group_start[group]; place < p->group_start[group + 1]; place++)
             add_point(b, p, &local, c, place, &a, room, own);
-        columns_to_unknowns(p, &local, room);
+        replace_movements(p, &local, room, lanes_to_unknowns);
         room += MOST_MOVEMENTS * local.size;
     }
 }
@@ -166,7 +159,7 @@ INLINE void take_amounts(const Pattern *p, const Local *local, const Amounts *am
         if (local->place[u] >= 0)
             memcpy(of_columns + u * MOST_MOVEMENTS, amounts->with_reduced + local->place[u] * MOST_MOVEMENTS,
                    sizeof(double) * MOST_MOVEMENTS);
-    unknowns_to_columns(p, local, of_columns);
+    replace_movements(p, local, of_columns, lanes_to_columns);
 }
 
 /* Transform the cofactors of a point: Q_pp - G Z^T - Z G^T with Z = H^T (H B - C Q_rt) - G Q_tt / 2; coupling: C, three rows
@@ -190,9 +183,7 @@ INLINE void transform_cofactors(const Amounts *amounts, const double *of_columns
             Lanes products = ALL(0.0);
             for (int v = 0; v < VECTORS; v++)
                 products += g[i][v] * z[j][v] + z[i][v] * g[j][v];
-            double sum = 0.0;
-            for (int lane = 0; lane < LANES; lane++)
-                sum += LANE(products, lane);
+            const double sum = sum_of(products);
             cofactors[3 * i + j] -= sum;
             if (i != j)
                 cofactors[3 * j + i] -= sum;

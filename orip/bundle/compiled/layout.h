@@ -35,10 +35,10 @@ static int do_indices_fit(const Arguments *a)
     const int64_t cameras = length_of(a, FORM), photos = length_of(a, OF_CAMERA), count = length_of(a, OF_PHOTO);
     const int64_t groups = length_of(a, GROUP_START) - 1;
     return count <= INT32_MAX && cameras + photos <= INT32_MAX && groups >= 0 && groups < INT32_MAX
-        && has(a, KIND, cameras) && has(a, SET_DEGREE, cameras) && has(a, OF_POINT, count)
-        && has(a, START, length_of(a, BLOCK) + 1) && has(a, RUNS_START, groups + 1) && has(a, CAMERA_PRODUCTS, cameras)
-        && has(a, CAMERA_OWN, cameras) && has(a, CAMERA_ELEMENTS, CAMERA_PARAMETERS * cameras)
-        && has(a, CAMERA_UNKNOWNS, cameras) && has(a, CAMERA_TERMS, 2 * MOST_CAMERA_UNKNOWNS * cameras)
+        && HAVE(a, KIND, cameras, cameras) && has(a, OF_POINT, count) && has(a, START, length_of(a, BLOCK) + 1)
+        && has(a, RUNS_START, groups + 1)
+        && HAVE(a, CAMERA_PRODUCTS, cameras, cameras, CAMERA_PARAMETERS * cameras, cameras,
+                2 * MOST_CAMERA_UNKNOWNS * cameras)
         && is_whole(a->numbers[0], ORIENTATION_UNKNOWNS, PHOTO_UNKNOWNS)
         && (int)a->numbers[0] % MOTION_STEP == 0;
 }

@@ -111,12 +111,6 @@ static PyObject *refuse(Call *call)
     return PyErr_Occurred() ? NULL : refused(&call->a);
 }
 
-static PyObject *finished(Call *call)
-{
-    finish(call);
-    Py_RETURN_NONE;
-}
-
 /* Open the arguments of a loop, the first of which are layout and turns; `kinds` are those of its arrays. */
 static int begin(Call *call, PyObject *const *arguments, Py_ssize_t given, const char *kinds, int numbers)
 {
@@ -131,7 +125,6 @@ static int begin(Call *call, PyObject *const *arguments, Py_ssize_t given, const
     call->turns = PyCapsule_GetPointer(arguments[1], TURNS_NAME);
     return take_arguments(&call->a, arguments + 2, given - 2, kinds, numbers);
 }
-
 
 /* The reduced matrix from its arrays and three numbers: stride, banded places, size. */
 static int take_reduced(const Arguments *a, int band, int border, const double *numbers, Reduced *m)
@@ -172,7 +165,8 @@ static PyObject *work(Call *c, int64_t shares, Step step, Step add, const void *
     }
     leave(c->turns, add ? shares : 0);
     Py_END_ALLOW_THREADS
-    return finished(c);
+    finish(c);
+    Py_RETURN_NONE;
 }
 
 typedef struct {

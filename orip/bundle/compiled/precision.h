@@ -185,10 +185,7 @@ INLINE void couple(const Part *part, const Points *points, int64_t point)
         add_coupling(coupling[0], points->stride, &r->at, has_common_columns(&r->at), r->row, weighted[0], weighted[1]);
     }
     for (int64_t i = 0; i < part->cameras; i += STRIP) {
-        Lanes sums[3][STRIP / LANES];
-        for (int k = 0; k < 3; k++)
-            for (int v = 0; v < STRIP / LANES; v++)
-                sums[k][v] = ALL(0.0);
+        Lanes sums[3][STRIP / LANES] = {{ALL(0.0)}};
         for (int64_t row = 2 * first; row < 2 * end; row++) {
             const RayRows *r = points->rays + row / 2;
             const double *of_row = points->of_rays + row * points->length + i, weight = r->weight[row % 2];
@@ -273,14 +270,6 @@ INLINE void times_photos_together(const Part *part, const Points *points, int64_
         }
 }
 
-INLINE double sum_of(Lanes lanes)
-{
-    double sum = 0.0;
-    for (int lane = 0; lane < LANES; lane++)
-        sum += LANE(lanes, lane);
-    return sum;
-}
-
 INLINE Lanes products(const double *a, const double *b, int64_t count)
 {
     Lanes sum = ALL(0.0);
@@ -292,9 +281,7 @@ INLINE Lanes products(const double *a, const double *b, int64_t count)
 /* inner += B product^T, of some columns of a point. */
 INLINE void add_to_inner(const double *const *b, const double *const *q, int64_t first, int64_t end, double *inner)
 {
-    Lanes sums[9];
-    for (int k = 0; k < 9; k++)
-        sums[k] = ALL(0.0);
+    Lanes sums[9] = {ALL(0.0)};
     for (int64_t i = first; i < end; i += LANES)
         for (int k = 0; k < 9; k++)
             sums[k] += AT(b[k / 3] + i) * AT(q[k % 3] + i);
@@ -316,9 +303,7 @@ INLINE void find_inner(const Part *part, const double *const *b, const double *c
 INLINE void of_photo(const Part *part, const RayRows *ray, double *found)
 {
     const int64_t photo = ray->at.photo - part->cameras;
-    Lanes sums[2][PHOTO_ROW / LANES];
-    for (int k = 0; k < 2 * (PHOTO_ROW / LANES); k++)
-        sums[k / (PHOTO_ROW / LANES)][k % (PHOTO_ROW / LANES)] = ALL(0.0);
+    Lanes sums[2][PHOTO_ROW / LANES] = {{ALL(0.0)}};
     for (int64_t u = 0; u < PHOTO_UNKNOWNS; u++)
         for (int v = 0; v < PHOTO_ROW / LANES; v++) {
             const Lanes elements = AT(part->by_photos + (photo + u) * part->of_photos + photo + v * LANES);

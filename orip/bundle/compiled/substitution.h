@@ -39,7 +39,7 @@ INLINE void coupling_loop(const Block *b, const Pattern *p, Share share, const C
             for (int64_t u = 0; u < local.size; u++)
                 room[v * stride + u] = local.place[u] < 0 ? 0.0 : c->reduced[v * c->size + local.place[u]];
         for (int64_t v = 0; !transposed && v < c->vectors; v++)
-            vector_to_columns(p, &local, room + v * stride);
+            replace_vector(p, &local, room + v * stride, to_columns);
         for (int64_t place = p->group_start[group]; place < p->group_start[group + 1]; place++) {
             const double *H = c->half + 9 * p->block[place];
             double *of_block = c->points + 3 * p->block[place], point[MOST_VECTORS][3] = {{0.0}}, of_point[2][3];
@@ -79,7 +79,7 @@ INLINE void coupling_loop(const Block *b, const Pattern *p, Share share, const C
                 multiply(H, point[v], of_block + 3 * v * p->blocks);
         }
         for (int64_t v = 0; transposed && v < c->vectors; v++)
-            vector_to_unknowns(p, &local, room + v * stride);
+            replace_vector(p, &local, room + v * stride, to_unknowns);
         if (transposed)
             room += numbers_of_vectors(local.size, c->vectors);
     }
@@ -137,7 +137,7 @@ static void right_loop(const Block *b, const Pattern *p, Share share, const Righ
                     of_block[i] += y[0] * of_point[0][i] + y[1] * of_point[1][i];
             }
         }
-        vector_to_unknowns(p, &local, room);
+        replace_vector(p, &local, room, to_unknowns);
         room += numbers_of_vectors(local.size, 1);
     }
 }

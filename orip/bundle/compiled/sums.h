@@ -93,6 +93,14 @@ INLINE double *photos_of(const Sums *s, int64_t column)
     return s->matrix + column * s->of_photos;
 }
 
+INLINE double sum_of(Lanes lanes)
+{
+    double sum = 0.0;
+    for (int lane = 0; lane < LANES; lane++)
+        sum += LANE(lanes, lane);
+    return sum;
+}
+
 INLINE void add_to(double *sums, double x, const double *of_x, double y, const double *of_y, int64_t count)
 {
     for (int64_t k = 0; k < count; k += LANES)

@@ -222,6 +222,8 @@ def _places_of_points(
     # not the place where the coordinates are wrong that have lost weight already
     costs[(kept == (weights[rows_of_rays(rays)] >= 1.0)).all(axis=1)] = np.inf
     likely = _lowest(costs, len(of_points), 2 * _MOST_PLACES)
+    if not len(likely):  # all are behind a photo
+        return []
     rays, kept, points = rays[likely], kept[likely], points[likely]
     there = rays_at_places(kind, state, rays, points)
     for _ in range(_STEPS):

@@ -7,13 +7,14 @@ plane's system, which is Cartesian: nothing is distorted, and no `crs` is needed
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.exchange.conversion.poses import exchanged_poses, orip_poses
+from orip.geometry.ground_crs import known_crs
 from orip.geometry.ground_ellipsoid import geocentric_from_geographic, geographic_from_geocentric, place_axes
 from orip.geometry.other_crs import crs_from_geographic, geographic_from_crs
 from orip.geometry.rotation import navigation_from_rotation, rotation_from_navigation
@@ -137,7 +138,7 @@ def in_local_ground(project: ExchangedProject, ground: LocalGround) -> Exchanged
         crs=None,
         ground_unit="m",
         frame=GroundFrame(),
-        notes=(*project.notes, said_of_ground(ground)),
+        notes=(*project.notes, *said_of_ground(ground, project.control_crs, reference.crs)),
     )
 
 
@@ -258,11 +259,24 @@ def _moved(station: Station, place: Sequence[float]) -> Station:
     return replace(station, position=(x, y, z), angles=NOT_GIVEN, angle_error=NOT_GIVEN, covariance=None, motion=None)
 
 
-def said_of_ground(ground: LocalGround) -> str:
-    """Return a sentence that names the place of a local system."""
+def _said_of_feet(systems: Iterable[str]) -> Iterator[str]:
+    """Yield a sentence for each system whose map is not in metres and which has no heights of its own."""
+    for crs in sorted({*systems} - {""}):
+        whole = known_crs(crs)
+        axis = whole.axis_info[0]
+        if whole.is_projected and len(whole.axis_info) == 2 and axis.unit_conversion_factor != 1.0:
+            yield (
+                f"X and Y in {crs} ({whole.name}) are in {axis.unit_name}, and it has no heights: Z counts in metres; "
+                "convert Z, or name a system of heights too, if it is not."
+            )
+
+
+def said_of_ground(ground: LocalGround, *systems: str) -> Iterator[str]:
+    """Yield a sentence that names the place of a local system, and those on heights of systems that came into it."""
     longitude, latitude = np.degrees(ground.geographic[:2]).tolist()
-    return (
+    yield (
         f"Coordinates are east, north and up, in metres, at longitude {longitude:.9f}, latitude {latitude:.9f}, "
         f"ellipsoidal height {ground.geographic[2]:.3f} m; heights of control and photos count as ellipsoidal unless "
         "their system says otherwise."
     )
+    yield from _said_of_feet(systems)

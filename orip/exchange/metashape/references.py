@@ -184,12 +184,19 @@ def _held(heading: str) -> tuple[str, ...]:
     return () if name is None else (name,)
 
 
+_SIDES = {"x": "EW", "y": "NS"}
+"""Of longitude and latitude, which stand where a plain system has x and y."""
+
+
 def _reference(fields: Mapping[str, str], separator: str | None, line: int, faults: Faults) -> Reference | None:
     def number(name: str) -> float | None:
         word = fields.get(name, "").strip()
         if not word:
             return None
-        value = faults.decimal(word if separator == "," else word.replace(",", "."), name, line)
+        written = word if separator == "," else word.replace(",", ".")
+        value = (
+            faults.degrees(written, name, _SIDES[name], line) if name in _SIDES else faults.decimal(written, name, line)
+        )
         return None if math.isnan(value) else value
 
     def triple(names: tuple[str, ...]) -> tuple[float, ...]:

@@ -142,7 +142,11 @@ def placed_at_control(
         control=project.control if there.crs else local,
         crs=there.crs or None,
         ground_unit="m",
-        notes=(*project.notes, *lost, *([] if there.ground is None else [said_of_ground(there.ground)])),
+        notes=(
+            *project.notes,
+            *lost,
+            *([] if there.ground is None else said_of_ground(there.ground, project.control_crs)),
+        ),
     )
     result, moved = moved_block(result, found, datum)
     if there.frame is not None:

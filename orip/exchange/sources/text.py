@@ -12,9 +12,18 @@ from msgspec import Struct, field
 
 from orip.arrays import FloatArray
 from orip.errors import Complaint
-from orip.files.text.decimal_numbers import LARGEST_NUMBER, parse_number
+from orip.files.text.decimal_numbers import LARGEST_NUMBER, parse_degrees, parse_number
 from orip.files.text.lines import foreign_text, has_zeros, read_bytes
-from orip.files.text.separated import DEGREES, EXTRA_FIELDS, fields_of_line, has_decimal_commas, separator_of, unit_of
+from orip.files.text.separated import (
+    DEGREES,
+    EXTRA_FIELDS,
+    METRES,
+    fields_of_line,
+    has_decimal_commas,
+    separator_of,
+    unit_of,
+    with_bracketed_length,
+)
 from orip.files.text.shown import printable, shown_token
 
 MOST_COMPLAINTS = 200
@@ -59,6 +68,14 @@ class Faults(Struct):
         """Return a word as a number; NaN, and a complaint kept, if it is not one."""
         try:
             return parse_number(word)
+        except ValueError as fault:
+            self.complain(f"{what}: {fault}", line)
+            return math.nan
+
+    def degrees(self, word: str, what: str, sides: str, line: int | None) -> float:
+        """Return a word as a longitude or latitude (`parse_degrees`); NaN, and a complaint kept, if it is not one."""
+        try:
+            return parse_degrees(word, sides)
         except ValueError as fault:
             self.complain(f"{what}: {fault}", line)
             return math.nan
@@ -161,6 +178,9 @@ def sound_rows(lines: Sequence[str], fields: int, whole: int = 0) -> FloatArray 
 
 _COMMENT = "#"
 
+GROUND_LENGTHS = frozenset(("X", "Y", "Z", "sX", "sY", "sZ", "X0", "Y0", "Z0"))
+"""Columns of ground coordinates and their errors."""
+
 
 class Row(Struct, frozen=True):
     """A line of a table: its number, and its fields by column."""
@@ -187,7 +207,8 @@ class Table(Struct, frozen=True):
     ignored : tuple of str
         Headings that were not recognised.
     scale : mapping of str to float
-        What numbers of a column are multiplied by: angles are in degrees, whatever unit the heading names.
+        What numbers of a column are multiplied by: angles are in degrees, lengths on the ground in metres, whatever
+        unit the heading names.
     """
 
     rows: tuple[Row, ...]
@@ -231,7 +252,7 @@ def read_table(path: Path, shown: str, headings: Mapping[str, str], needed: Sequ
             faults.complain("the table is empty; it needs a line with the names of its columns, and rows")
         return Table((), (), (), faults)
     separator = separator_of(lines[0][1])
-    written = fields_of_line(lines[0][1], separator)
+    written = list(map(with_bracketed_length, fields_of_line(lines[0][1], separator)))
     columns, ignored = _columns(written, headings)
     if missing := [name for name in needed if name not in columns.values()]:
         shown_columns = ", ".join(map(shown_token, written))
@@ -243,7 +264,11 @@ def read_table(path: Path, shown: str, headings: Mapping[str, str], needed: Sequ
         return Table((), (), (), faults)
     rows = tuple(_rows(lines[1:], separator, len(written), columns, faults))
     has_commas = separator != "," and has_decimal_commas(word for row in rows for word in row.fields.values())
-    scale = {name: DEGREES[unit] for place, name in columns.items() if (unit := unit_of(written[place])) in DEGREES}
+    scale = {
+        name: factors[unit]
+        for place, name in columns.items()
+        if (unit := unit_of(written[place])) in (factors := METRES if name in GROUND_LENGTHS else DEGREES)
+    }
     return Table(rows, tuple(columns.values()), tuple(ignored), faults, has_commas, scale)
 
 
@@ -258,8 +283,8 @@ def _columns(written: Sequence[str], headings: Mapping[str, str]) -> tuple[dict[
     ignored = []
     for place, heading in enumerate(written):
         with_unit = re.sub(r"\s*[(\[](mm|px)[)\]]", r"_\1", heading.lower())
-        plain = re.sub(r"\(.*?\)|\[.*?\]|[^a-z0-9_]", "", with_unit)
-        column = known.get(plain)
+        names = [re.sub(r"\(.*?\)|\[.*?\]|[^a-z0-9_]", "", text) for text in (with_unit, heading.lower())]
+        column = known.get(names[0]) or known.get(names[1])
         if column is not None and column not in found.values():
             found[place] = column
         else:

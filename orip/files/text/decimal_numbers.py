@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 from typing import cast
 
+from orip.files.text.angles import degrees_and_side
 from orip.files.text.regular_file import beginning
 from orip.files.text.shown import shown_token
 from orip.records.results.tests import OPERATORS, Gate, GateOperator
@@ -43,6 +44,29 @@ def parse_number(token: str) -> float:
         message = f"'{shown_token(token)}' is too large for a number; check its exponent"
         raise ValueError(message)
     raise ValueError(_number_fault(token))
+
+
+def parse_degrees(token: str, sides: str) -> float:
+    """Return a longitude or latitude in degrees, which may be written as ``53°30'00"N``, ``53:30:00`` or ``N53.5``.
+
+    Parameters
+    ----------
+    sides : str
+        Letters of the hemispheres that it may have: ``EW`` of a longitude, ``NS`` of a latitude.
+
+    Raises
+    ------
+    ValueError
+        With a sentence that says what was found and what to write.
+    """
+    found = degrees_and_side(token)
+    if found is None:
+        return parse_number(token)
+    degrees, side = found
+    if side and side not in sides:
+        message = f"'{shown_token(token)}' should end in {' or '.join(sides)}; are longitude and latitude exchanged?"
+        raise ValueError(message)
+    return degrees
 
 
 def is_number(token: str) -> bool:
@@ -82,6 +106,9 @@ def _number_fault(token: str) -> str:
         return f"'{shown}' has a decimal comma; write a decimal point: {shown_token(f'{sign}{whole or 0}.{fraction}')}"
     if token.endswith(",") and _NUMBER.fullmatch(token[:-1]):
         return f"'{shown}' ends in a comma; separate fields by blanks and write {shown_token(token[:-1])}"
+    angle = degrees_and_side(token)
+    if angle is not None:
+        return f"'{shown}' is an angle in degrees, minutes and seconds; write decimal degrees: {round(angle[0], 10)!r}"
     return f"'{shown}' is not a number; write a plain decimal such as {_likely_number(token)}"
 
 

@@ -8,21 +8,34 @@ import re
 from collections.abc import Iterable
 from types import MappingProxyType
 
+from orip.units import METRES_PER_FOOT, METRES_PER_GROUND_UNIT
+
 _SEPARATORS = (";", "\t", ",")
 _WITH_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
 _WITH_POINT = re.compile(r"[+-]?\d*\.\d+(?:[eE][+-]?\d+)?")
 _UNIT = re.compile(r"[(\[]([^)\]]*)[)\]]")
+_AFTER_NAME = re.compile(r"(?P<name>[A-Za-z0-9]+)[ _](?P<unit>[A-Za-z -]+)")
 
 DEGREES = MappingProxyType(
     {"gon": 0.9, "grad": 0.9, "gons": 0.9} | dict.fromkeys(("rad", "radian", "radians"), 180.0 / math.pi)
 )
 """Angles in degrees, by their units but degrees."""
 
-METRES = MappingProxyType({"mm": 0.001, "cm": 0.01, "ft": 0.3048, "feet": 0.3048})
-"""Lengths in metres, by their units but metres; a foot is the international one."""
+METRES = MappingProxyType(
+    {"m": 1.0, "metre": 1.0, "meter": 1.0, "metres": 1.0, "meters": 1.0, "mm": 0.001, "cm": 0.01, "km": 1000.0}
+    | dict.fromkeys(("ft", "feet", "foot", "ift", "international foot", "international feet"), METRES_PER_FOOT)
+    | dict.fromkeys(
+        ("ftus", "ft us", "ft-us", "usft", "us ft", "us-ft", "sft", "us feet", "us survey foot", "us survey feet"),
+        METRES_PER_GROUND_UNIT["US survey foot"],
+    )
+)
+"""Lengths in metres, by their units; a foot is the international one where the survey's is not named."""
 
 EXTRA_FIELDS = "; with decimal commas the separator has to be a semicolon"
 """What may be wrong where a row has more fields than the heading and commas between them."""
+
+EXTRA_WORDS = "; separate fields that have blanks in them, such as 53 30 00 N, by semicolons"
+"""What may be wrong where it has blanks between them."""
 
 
 def separator_of(heading: str) -> str | None:
@@ -50,4 +63,10 @@ def has_decimal_commas(words: Iterable[str]) -> bool:
 def unit_of(heading: str) -> str:
     """Return the unit that a heading names in brackets, in small letters; empty where it names none."""
     found = _UNIT.search(heading)
-    return "" if found is None else found[1].strip().lower()
+    return "" if found is None else found[1].replace(".", "").strip().lower()
+
+
+def with_bracketed_length(heading: str) -> str:
+    """Return a heading such as ``X_ft`` or ``East ft`` with its unit of length in brackets; others as they are."""
+    found = _AFTER_NAME.fullmatch(heading.strip())
+    return f"{found['name']} ({found['unit']})" if found and found["unit"].lower() in METRES else heading

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
@@ -13,6 +13,7 @@ from orip.errors import ProjectWarning
 from orip.geometry.plane import MARKS_NEEDED, PARAMETERS, fit_plane_transformation
 from orip.mistakes.control.slips_of_pen import slip_of_pen
 from orip.records.interior import MarkAdjustment
+from orip.structs import replace
 from orip.wording import counted_names, joined
 
 # Marks named by their position in the scan fit nearly as well as under their own names, because the four corners of a
@@ -31,6 +32,9 @@ _LIKELY = 1e-3
 _STRETCHED = 1.2
 """Ratio of the scales in x and y that no film or enlargement reaches: an upright frame was stretched into a landscape
 one."""
+
+_MOST_EXCHANGED = 16
+"""Marks of a film, those with the largest residuals, of which any two may be exchanged."""
 
 _LISTED = 4
 """Most marks that a message lists."""
@@ -55,7 +59,9 @@ class _Order(Struct, frozen=True):
 class _Film(Struct, frozen=True):
     """Square sums (mm²) of the residuals under the names given, and under those that fit best.
 
-    And with two marks exchanged, and without one mark, each by their places among the used marks.
+    And with two marks exchanged, and without one mark, each by their places among the used marks. `noise` is the
+    variance (mm²) with which the marks of the other films fit (its own where there is no other), `freedom` its
+    degrees of freedom.
     """
 
     adjustment: MarkAdjustment
@@ -64,6 +70,8 @@ class _Film(Struct, frozen=True):
     order: _Order
     exchanged: dict[tuple[int, int], float]
     without: dict[int, float]
+    noise: float = 0.0
+    freedom: float = 0.0
 
     @property
     def redundancy(self) -> int:
@@ -89,20 +97,13 @@ class _Film(Struct, frozen=True):
         marks = self.adjustment.marks
         return tuple(name for name, left_out in zip(marks.names, marks.disregarded, strict=True) if not left_out)
 
-    def noise(self, films: Sequence[_Film]) -> float:
-        """Return the variance (mm²) with which the marks of the other films fit; its own where there is no other."""
-        others = [other.variance for other in films if other is not self]
-        return float(np.median(others)) if others else self.variance
-
-    def is_likely(self, square_sum: float, redundancy: int, films: Sequence[_Film], limit: float) -> bool:
+    def is_likely(self, square_sum: float, redundancy: int, limit: float) -> bool:
         """Tell whether residuals are as large as those of the other films by chance, with a probability."""
         from scipy.special import fdtrc  # takes its time; most commands do without
 
-        noise = self.noise(films)
-        freedom = _MEDIAN_EFFICIENCY * sum(other.redundancy for other in films if other is not self) or self.redundancy
-        if noise <= 0.0 or not np.isfinite(square_sum):
-            return noise <= 0.0
-        return float(fdtrc(redundancy, freedom, square_sum / redundancy / noise)) > limit
+        if self.noise <= 0.0 or not np.isfinite(square_sum):
+            return self.noise <= 0.0
+        return float(fdtrc(redundancy, self.freedom, square_sum / redundancy / self.noise)) > limit
 
 
 def misnamed_marks(adjustments: Sequence[MarkAdjustment]) -> list[ProjectWarning]:
@@ -113,15 +114,18 @@ def misnamed_marks(adjustments: Sequence[MarkAdjustment]) -> list[ProjectWarning
     adjustments : sequence of MarkAdjustment
         Of all templates and photos: together they tell how well marks fit.
     """
-    films = [film for adjustment in adjustments if (film := _film(adjustment)) is not None]
+    films = _compared([film for adjustment in adjustments if (film := _film(adjustment)) is not None])
+    if 2 * sum(film.adjustment.mirrored for film in films) > len(films):
+        # that is said of them already; three marks turned over are also two that are exchanged
+        films = [film for film in films if not film.adjustment.mirrored]
     found: dict[tuple[str, str], list[_Film]] = {}
     wrong: dict[tuple[str, str], list[_Film]] = {}
     for film in films:
-        if _is_misnamed(film, films):
+        if _is_misnamed(film):
             found.setdefault((film.adjustment.summary.group, _finding(film)), []).append(film)
-        elif not film.is_likely(film.given, film.redundancy, films, _UNLIKELY):
-            mark = _wrong_mark(film, films)
-            if mark or film.given > _UNEXPLAINED**2 * film.redundancy * film.noise(films):
+        elif not film.is_likely(film.given, film.redundancy, _UNLIKELY):
+            mark = _wrong_mark(film)
+            if mark or film.given > _UNEXPLAINED**2 * film.redundancy * film.noise:
                 wrong.setdefault((film.adjustment.summary.group, mark), []).append(film)
     most_first = sorted(found.items(), key=lambda item: -len(item[1]))
     misnamed = [_warning(group, finding, alike) for (group, finding), alike in most_first]
@@ -129,25 +133,43 @@ def misnamed_marks(adjustments: Sequence[MarkAdjustment]) -> list[ProjectWarning
 
 
 def _film(adjustment: MarkAdjustment) -> _Film | None:
-    used = ~adjustment.marks.disregarded
+    used, kind = ~adjustment.marks.disregarded, adjustment.kind
     measured, given = adjustment.marks.measured[used], adjustment.given[used]
-    if len(measured) <= MARKS_NEEDED[adjustment.kind]:
+    count = len(measured)
+    if count <= MARKS_NEEDED[kind]:
         return None
-    sums = [
-        (_square_sum(adjustment.kind, measured, given[order.marks], order.turned_over), order)
-        for order in _orders(given)
+    around = _orders(given)
+    turned = measured if kind == "A" else measured * [-1.0, 1.0]
+    sums = np.append(*(_square_sums(kind, lying, given[around[over]]) for over, lying in enumerate((measured, turned))))
+    best = int(np.argmin(sums))
+    order = _Order(around.reshape(-1, count)[best], best >= count)
+    # two that are exchanged have the largest residuals
+    largest = np.argsort(-np.sum(adjustment.residuals[used] ** 2, axis=1), kind="stable")[:_MOST_EXCHANGED]
+    pairs = list(combinations(sorted(largest.tolist()), 2))
+    exchanged = np.tile(np.arange(count), (len(pairs), 1))
+    np.put_along_axis(exchanged, np.array(pairs), np.array(pairs)[:, ::-1], axis=1)
+    rest = np.array([np.delete(np.arange(count), row) for row in range(count)])
+    without = _square_sums(kind, measured[rest], given[rest]) if count - 1 > MARKS_NEEDED[kind] else np.empty(0)
+    return _Film(
+        adjustment, float(sums[0]), float(sums[best]), order,
+        dict(zip(pairs, _square_sums(kind, measured, given[exchanged]).tolist(), strict=True)),
+        dict(enumerate(without.tolist())),
+    )  # fmt: skip
+
+
+def _compared(films: Sequence[_Film]) -> list[_Film]:
+    """Return films with the variance that the others of them have."""
+    variances, redundancies = np.array([film.variance for film in films]), [film.redundancy for film in films]
+    if len(films) < 2:
+        return [replace(film, noise=film.variance, freedom=film.redundancy) for film in films]
+    return [
+        replace(
+            film,
+            noise=float(np.median(np.delete(variances, place))),
+            freedom=_MEDIAN_EFFICIENCY * (sum(redundancies) - film.redundancy),
+        )
+        for place, film in enumerate(films)
     ]
-    (as_given, _), *_ = sums
-    best, order = min(sums, key=lambda pair: pair[0])
-    count, kind = len(given), adjustment.kind
-    exchanged = {}
-    for pair in combinations(range(count), 2):
-        marks = np.arange(count)
-        marks[list(pair)] = pair[::-1]
-        exchanged[pair] = _square_sum(kind, measured, given[marks], False)
-    rest = [np.delete(np.arange(count), row) for row in range(count)] if count - 1 > MARKS_NEEDED[kind] else []
-    without = {row: _square_sum(kind, measured[kept], given[kept], False) for row, kept in enumerate(rest)}
-    return _Film(adjustment, as_given, best, order, exchanged, without)
 
 
 def _median_of_chi_square(freedom: int) -> float:
@@ -155,41 +177,51 @@ def _median_of_chi_square(freedom: int) -> float:
     return float(freedom * (1.0 - 2.0 / (9.0 * freedom)) ** 3)
 
 
-def _orders(given: FloatArray) -> Iterator[_Order]:
-    """Yield the orders in which the marks around a film may be named; the one as given first."""
+def _orders(given: FloatArray) -> IntArray:
+    """Return the orders (2, n, n) in which n marks around a film may be named, first by a turn, then turned over.
+
+    The very first is the one as given.
+    """
     centred = given - given.mean(axis=0)
     around = np.argsort(np.arctan2(centred[:, 1], centred[:, 0]))
-    count = len(given)
-    for turned_over in (False, True):
-        for shift in range(count):
-            marks = np.empty(count, dtype=np.int64)
-            marks[around] = around[(shift + (-1 if turned_over else 1) * np.arange(count)) % count]
-            yield _Order(marks, turned_over)
+    place, shift = np.arange(len(given)), np.arange(len(given))[:, np.newaxis]
+    marks = np.empty((2, len(given), len(given)), dtype=np.int64)
+    marks[0][:, around] = around[(shift + place) % len(given)]
+    marks[1][:, around] = around[(shift - place) % len(given)]
+    return marks
 
 
-def _square_sum(kind: str, measured: FloatArray, given: FloatArray, turned_over: bool) -> float:
-    """Return the square sum of residuals of a transformation; infinite where it would have to stretch the film."""
-    centred, target = measured - measured.mean(axis=0), given - given.mean(axis=0)
+def _square_sums(kind: str, measured: FloatArray, given: FloatArray) -> FloatArray:
+    """Return the square sums (m,) of residuals of m transformations; infinite where one would have to stretch the film.
+
+    Parameters
+    ----------
+    kind : {"A", "C", "W"}
+    measured : array (n, 2) or (m, n, 2)
+    given : array (m, n, 2)
+    """
+    centred, target = measured - measured.mean(axis=-2, keepdims=True), given - given.mean(axis=-2, keepdims=True)
     if kind == "A":
-        matrix, *_ = np.linalg.lstsq(centred, target, rcond=None)
-        scales = np.hypot(*matrix)
-        if not scales.max() < _STRETCHED * scales.min():  # zero where marks of a square are exchanged
-            return np.inf
-        return float(np.sum((centred @ matrix - target) ** 2))
-    if turned_over:
-        centred = centred * [-1.0, 1.0]
+        matrices = np.linalg.pinv(centred) @ target
+        scales = np.linalg.norm(matrices, axis=-2)
+        sums = np.sum((centred @ matrices - target) ** 2, axis=(-2, -1))
+        # zero where marks of a square are exchanged
+        return np.where(scales.max(axis=-1) < _STRETCHED * scales.min(axis=-1), sums, np.inf)
     a, b = centred @ [1.0, 1j], target @ [1.0, 1j]
-    factor = np.vdot(a, b) / np.vdot(a, a)
-    if kind == "W":
-        factor /= abs(factor)
-    return float(np.sum(np.abs(factor * a - b) ** 2))
+    factors = np.sum(a.conj() * b, axis=-1, keepdims=True)
+    factors /= (
+        np.maximum(np.abs(factors), np.finfo(float).tiny)
+        if kind == "W"
+        else np.sum(np.abs(a) ** 2, axis=-1, keepdims=True)
+    )
+    return np.asarray(np.sum(np.abs(factors * a - b) ** 2, axis=-1))
 
 
-def _is_misnamed(film: _Film, films: Sequence[_Film]) -> bool:
+def _is_misnamed(film: _Film) -> bool:
     if film.best >= film.given:
         return False
-    return not film.is_likely(film.given, film.redundancy, films, _UNLIKELY) and film.is_likely(
-        film.best, film.redundancy, films, _LIKELY
+    return not film.is_likely(film.given, film.redundancy, _UNLIKELY) and film.is_likely(
+        film.best, film.redundancy, _LIKELY
     )
 
 
@@ -233,15 +265,15 @@ def _rms(square_sum: float, film: _Film) -> str:
 # ------------------------------------------------------------------------------------------------------- single marks
 
 
-def _wrong_mark(film: _Film, films: Sequence[_Film]) -> str:
+def _wrong_mark(film: _Film) -> str:
     """Return the names of two marks that are exchanged, or of the one without which the others fit; "" for neither."""
     pair, square_sum = min(film.exchanged.items(), key=lambda item: item[1])
-    if film.is_likely(square_sum, film.redundancy, films, _LIKELY):
+    if film.is_likely(square_sum, film.redundancy, _LIKELY):
         return " and ".join(sorted(film.names[row] for row in pair))
     if not film.without:
         return ""
     row, square_sum = min(film.without.items(), key=lambda item: item[1])
-    return film.names[row] if film.is_likely(square_sum, film.redundancy - 2, films, _LIKELY) else ""
+    return film.names[row] if film.is_likely(square_sum, film.redundancy - 2, _LIKELY) else ""
 
 
 def _of_wrong_mark(mark: str, alike: Sequence[_Film], films: Sequence[_Film]) -> ProjectWarning:

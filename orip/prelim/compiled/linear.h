@@ -18,6 +18,39 @@ static inline void cross3(const double *a, const double *b, double *c)
     c[0] = a[1] * b[2] - a[2] * b[1], c[1] = a[2] * b[0] - a[0] * b[2], c[2] = a[0] * b[1] - a[1] * b[0];
 }
 
+static inline void times3(const double *M, const double *v, double *product)
+{
+    for (int i = 0; i < 3; i++)
+        product[i] = dot3(M + 3 * i, v);
+}
+
+static inline void transposed_times3(const double *M, const double *v, double *product)
+{
+    for (int i = 0; i < 3; i++)
+        product[i] = M[i] * v[0] + M[3 + i] * v[1] + M[6 + i] * v[2];
+}
+
+/* The minors of a symmetric matrix, in which they are its inverse times the determinant, which is returned. */
+static inline double minors3(const double *N, double *minors)
+{
+    cross3(N + 3, N + 6, minors);
+    cross3(N + 6, N, minors + 3);
+    cross3(N, N + 3, minors + 6);
+    return dot3(N, minors);
+}
+
+/* x Q x^T with a matrix of `stride` numbers in a row. */
+static inline double form_of(int n, int stride, const double *Q, const double *x)
+{
+    double sum = 0.0;
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j < n; j++)
+            sum += x[i] * Q[stride * i + j] * x[j];
+    return sum;
+}
+
+static inline int is_known(const double *point) { return isfinite(point[0]) && isfinite(point[1]) && isfinite(point[2]); }
+
 INLINE Lanes dot_lanes(const Lanes *a, const Lanes *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
 INLINE void cross_lanes(const Lanes *a, const Lanes *b, Lanes *c)
@@ -127,49 +160,64 @@ static inline void angle_rates(const double *angles, double *rates)
         rates[i] = rows[i];
 }
 
-/* Eigenvalues, ascending, and eigenvectors (columns) of a symmetric matrix by Jacobi's rotations. */
-static inline void eigen3(double A[3][3], double values[3], double V[3][3])
+/* Exchange vectors in some lanes. */
+INLINE void exchange_lanes(LaneNumbers where, Lanes *a, Lanes *b, int size)
+{
+    for (int i = 0; i < size; i++) {
+        const Lanes kept = a[i];
+        a[i] = either(where, b[i], kept), b[i] = either(where, kept, b[i]);
+    }
+}
+
+/* Eigenvalues, ascending, and eigenvectors (rows) of symmetric matrices by Jacobi's rotations. */
+static inline void eigen3_lanes(Lanes A[3][3], Lanes values[3], Lanes V[3][3])
 {
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++)
-            V[i][j] = i == j;
+            V[i][j] = ALL((double)(i == j));
     for (int sweep = 0; sweep < 30; sweep++) {
-        const double off = fabs(A[0][1]) + fabs(A[0][2]) + fabs(A[1][2]);
-        if (off <= 1e-18 * (fabs(A[0][0]) + fabs(A[1][1]) + fabs(A[2][2]) + off))
+        const Lanes off = size_of_each(A[0][1]) + size_of_each(A[0][2]) + size_of_each(A[1][2]);
+        const LaneNumbers goes_on =
+            off > ALL(1e-18) * (size_of_each(A[0][0]) + size_of_each(A[1][1]) + size_of_each(A[2][2]) + off);
+        if (!in_any(goes_on))
             break;
         for (int p = 0; p < 2; p++)
             for (int q = p + 1; q < 3; q++) {
-                if (A[p][q] == 0.0)
-                    continue;
-                const double theta = (A[q][q] - A[p][p]) / (2.0 * A[p][q]);
-                const double t = (theta < 0.0 ? -1.0 : 1.0) / (fabs(theta) + sqrt(theta * theta + 1.0));
-                const double c = 1.0 / sqrt(t * t + 1.0), s = t * c;
+                const LaneNumbers turns = goes_on & (A[p][q] != ALL(0.0));
+                const Lanes theta = (A[q][q] - A[p][p]) / (ALL(2.0) * A[p][q]);
+                const Lanes size = ALL(1.0) / (size_of_each(theta) + root_of_each(theta * theta + ALL(1.0)));
+                const Lanes t = either(turns, either(theta < ALL(0.0), -size, size), ALL(0.0));
+                const Lanes c = ALL(1.0) / root_of_each(t * t + ALL(1.0)), s = t * c;
                 for (int k = 0; k < 3; k++) {
-                    const double kp = A[k][p], kq = A[k][q];
+                    const Lanes kp = A[k][p], kq = A[k][q];
                     A[k][p] = c * kp - s * kq, A[k][q] = s * kp + c * kq;
                 }
                 for (int k = 0; k < 3; k++) {
-                    const double pk = A[p][k], qk = A[q][k];
+                    const Lanes pk = A[p][k], qk = A[q][k], vp = V[p][k], vq = V[q][k];
                     A[p][k] = c * pk - s * qk, A[q][k] = s * pk + c * qk;
-                }
-                for (int k = 0; k < 3; k++) {
-                    const double kp = V[k][p], kq = V[k][q];
-                    V[k][p] = c * kp - s * kq, V[k][q] = s * kp + c * kq;
+                    V[p][k] = c * vp - s * vq, V[q][k] = s * vp + c * vq;
                 }
             }
     }
     for (int i = 0; i < 3; i++)
         values[i] = A[i][i];
     for (int i = 0; i < 2; i++)
-        for (int j = 0; j < 2 - i; j++)
-            if (values[j] > values[j + 1]) {
-                const double kept = values[j];
-                values[j] = values[j + 1], values[j + 1] = kept;
-                for (int k = 0; k < 3; k++) {
-                    const double v = V[k][j];
-                    V[k][j] = V[k][j + 1], V[k][j + 1] = v;
-                }
-            }
+        for (int j = 0; j < 2 - i; j++) {
+            const LaneNumbers descend = values[j] > values[j + 1];
+            exchange_lanes(descend, values + j, values + j + 1, 1);
+            exchange_lanes(descend, V[j], V[j + 1], 3);
+        }
+}
+
+/* The same of one matrix. */
+static inline void eigen3(double A[3][3], double values[3], double V[3][3])
+{
+    Lanes matrix[3][3], found[3], vectors[3][3];
+    for (int k = 0; k < 9; k++)
+        matrix[k / 3][k % 3] = ALL(A[k / 3][k % 3]);
+    eigen3_lanes(matrix, found, vectors);
+    for (int k = 0; k < 9; k++)
+        values[k / 3] = LANE(found[k / 3], 0), V[k / 3][k % 3] = LANE(vectors[k / 3][k % 3], 0);
 }
 
 /* Move the k-th smallest of n numbers to where sorting would put it, and the smaller ones before it (Hoare 1961). */
@@ -244,8 +292,7 @@ static inline int project(const double *R, const double *centre, const double *X
 {
     const double d[3] = {X[0] - centre[0], X[1] - centre[1], X[2] - centre[2]}, c = -vector[2];
     double u[3];
-    for (int i = 0; i < 3; i++)
-        u[i] = R[i] * d[0] + R[3 + i] * d[1] + R[6 + i] * d[2];
+    transposed_times3(R, d, u);
     const int in_front = u[2] < -1e-6 * sqrt(dot3(u, u));
     const double depth = in_front ? u[2] : -1.0, scale = -c / depth;
     const double xy[2] = {scale * u[0], scale * u[1]};

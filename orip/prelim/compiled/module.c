@@ -35,8 +35,7 @@ static int are_rows(const Arguments *a, int array, int64_t end)
 
 static int known_from(const Arguments *a, Known *k)
 {
-    const Known known = {a->views[0].buf, a->views[1].buf, a->views[2].buf, a->numbers[0], length_of(a, 2), 0};
-    *k = known;
+    *k = (Known){a->views[0].buf, a->views[1].buf, a->views[2].buf, a->numbers[0], length_of(a, 2), 0};
     if (!is_whole(a->numbers[1], 1.0, (double)k->count))
         return 0;
     k->least = (int64_t)a->numbers[1];
@@ -80,8 +79,7 @@ static PyObject *py_best_orientations(PyObject *Py_UNUSED(module), PyObject *con
     const int64_t left = resections->choose_orientations(&k, &choice, number, a.views[ROTATIONS].buf, a.views[CENTRES].buf,
                                 a.views[SQUARES].buf, a.views[FACTORS].buf, a.views[RESIDUAL].buf,
                                 a.views[NORMALS].buf, a.views[SPACE].buf);
-    release(&a);
-    return PyLong_FromLongLong(left);
+    return done_with(&a, PyLong_FromLongLong(left));
 }
 
 /* Whether what these rules repeat and choose from are numbers that there is time and room for. */
@@ -112,8 +110,7 @@ static PyObject *py_resect(PyObject *Py_UNUSED(module), PyObject *const *argumen
                                       a.views[TRIPLES].buf, number, candidates, a.views[ROTATIONS].buf,
                                       a.views[CENTRES].buf, a.views[FACTORS].buf, a.views[RESIDUAL].buf, space,
                                       a.views[FOUND].buf);
-    release(&a);
-    return PyLong_FromLongLong(left);
+    return done_with(&a, PyLong_FromLongLong(left));
 }
 
 static PyObject *py_fitting_points(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
@@ -192,8 +189,7 @@ static PyObject *py_intersect(PyObject *Py_UNUSED(module), PyObject *const *argu
     Intersecting how = {n[0], n[1], n[2], {1.0, 0.0, n[3], n[4], n[5], (int64_t)n[6], (int64_t)n[7], (int64_t)n[8]}};
     const double s0 = intersect_all(&rays, &how, a.views[POINTS].buf, a.views[DEVIATIONS].buf, a.views[FACTORS].buf,
                                     a.views[ANGLES].buf, space);
-    release(&a);
-    return PyFloat_FromDouble(s0);
+    return done_with(&a, PyFloat_FromDouble(s0));
 }
 
 static PyObject *py_consensus(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
@@ -262,10 +258,8 @@ static PyObject *py_refine(PyObject *Py_UNUSED(module), PyObject *const *argumen
         || !are_within64(all.camera_of_photo, length_of(&a, CAMERA), INT64_MIN, all.cameras)
         || !is_whole(rules->most_steps, 0.0, MOST_ITERATIONS))
         return refused(&a);
-    if (!find_lapack()) {
-        release(&a);
-        return NULL;
-    }
+    if (!find_lapack())
+        return done_with(&a, NULL);
     BlockState block = {.rotations = a.views[ROTATIONS].buf, .centres = a.views[CENTRES].buf,
                         .points = a.views[POINTS].buf, .corrections = a.views[CORRECTIONS].buf,
                         .weights = a.views[WEIGHTS].buf};
@@ -326,19 +320,13 @@ static int take_pair(PairCall *c, PyObject *const *arguments, Py_ssize_t given, 
     return c->space != NULL;
 }
 
-static PyObject *oriented_pair(PairCall *c, int oriented)
-{
-    release(&c->a);
-    return PyBool_FromLong(oriented);
-}
-
 static PyObject *py_orient_pair(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
     PairCall c;
     if (!take_pair(&c, arguments, given, OF_PAIR "l" "D", 0))
         return NULL;
-    return oriented_pair(&c, pairs->orient(&c.p, c.rules, c.sample, c.samples, c.a.views[SETS].buf, c.space, &c.points,
-                                           c.a.views[FOUND].buf));
+    return done_with(&c.a, PyBool_FromLong(pairs->orient(&c.p, c.rules, c.sample, c.samples, c.a.views[SETS].buf,
+                                                         c.space, &c.points, c.a.views[FOUND].buf)));
 }
 
 static PyObject *py_orient_at_scale(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
@@ -346,8 +334,9 @@ static PyObject *py_orient_at_scale(PyObject *Py_UNUSED(module), PyObject *const
     PairCall c;
     if (!take_pair(&c, arguments, given, OF_PAIR "l", 1))
         return NULL;
-    return oriented_pair(&c, pairs->orient_at_scale(&c.p, c.rules, c.sample, c.samples, c.a.views[SETS].buf,
-                                                    c.a.numbers[0], c.space, &c.points, c.a.views[FOUND].buf));
+    const int oriented = pairs->orient_at_scale(&c.p, c.rules, c.sample, c.samples, c.a.views[SETS].buf, c.a.numbers[0],
+                                                c.space, &c.points, c.a.views[FOUND].buf);
+    return done_with(&c.a, PyBool_FromLong(oriented));
 }
 
 static PyObject *py_adjust_at_scale(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
@@ -355,8 +344,8 @@ static PyObject *py_adjust_at_scale(PyObject *Py_UNUSED(module), PyObject *const
     PairCall c;
     if (!take_pair(&c, arguments, given, OF_PAIR, 1))
         return NULL;
-    return oriented_pair(&c, pairs->adjust_at_scale(&c.p, c.rules, c.a.views[SETS].buf, c.a.numbers[0], c.space,
-                                                    &c.points, c.a.views[FOUND].buf));
+    return done_with(&c.a, PyBool_FromLong(pairs->adjust_at_scale(&c.p, c.rules, c.a.views[SETS].buf, c.a.numbers[0],
+                                                                  c.space, &c.points, c.a.views[FOUND].buf)));
 }
 
 static int are_similarity_rules_sound(const SimilarityRules *r)
@@ -381,8 +370,7 @@ static PyObject *py_adjust_similarity(PyObject *Py_UNUSED(module), PyObject *con
     const int regular = adjust_similarity(&common, a.views[SOURCE].buf, a.views[SOURCE_DEVIATION].buf,
                                           a.views[TARGET_DEVIATION].buf, rules, a.views[FACTORS].buf,
                                           a.views[RESIDUALS].buf, a.views[SPACE].buf, a.views[FOUND].buf);
-    release(&a);
-    return PyBool_FromLong(regular);
+    return done_with(&a, PyBool_FromLong(regular));
 }
 
 static PyObject *py_best_triple(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
@@ -404,8 +392,7 @@ static PyObject *py_best_triple(PyObject *Py_UNUSED(module), PyObject *const *ar
     const Judgement judgement = {(int64_t)n[0], n[1], n[2], n[3]};
     const double most = best_triple(&judges, &judgement, a.views[TRIPLES].buf, triples, space + 3 * count,
                                     a.views[START].buf);
-    release(&a);
-    return PyFloat_FromDouble(most);
+    return done_with(&a, PyFloat_FromDouble(most));
 }
 
 static PyObject *py_assemble(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
@@ -414,12 +401,11 @@ static PyObject *py_assemble(PyObject *Py_UNUSED(module), PyObject *const *argum
     Arguments a;
     if (!take_arguments(&a, arguments, given, "lldddd" "l" "LLDDDD", 1))
         return NULL;
-    const BlocksOfOneSystem blocks = {
-        a.views[POINTS].buf,    a.views[PHOTOS].buf,  a.views[COORDINATES].buf, a.views[DEVIATIONS].buf,
-        a.views[ROTATIONS].buf, a.views[CENTRES].buf, a.views[STARTS].buf,      length_of(&a, STARTS) - 1,
-        length_of(&a, POINTS),  length_of(&a, PHOTOS)};
-    const AssembledBlock whole = {a.views[WHOLE].buf,     a.views[WHOLE + 1].buf, a.views[WHOLE + 2].buf,
-                                  a.views[WHOLE + 3].buf, a.views[WHOLE + 4].buf, a.views[WHOLE + 5].buf};
+    const Py_buffer *v = a.views, *w = v + WHOLE;
+    const BlocksOfOneSystem blocks = {v[POINTS].buf, v[PHOTOS].buf, v[COORDINATES].buf, v[DEVIATIONS].buf,
+                                      v[ROTATIONS].buf, v[CENTRES].buf, v[STARTS].buf, length_of(&a, STARTS) - 1,
+                                      length_of(&a, POINTS), length_of(&a, PHOTOS)};
+    const AssembledBlock whole = {w[0].buf, w[1].buf, w[2].buf, w[3].buf, w[4].buf, w[5].buf};
     const int64_t lengths[] = {blocks.count, blocks.photo_count, 3 * blocks.count, 3 * blocks.count,
                                9 * blocks.photo_count, 3 * blocks.photo_count};
     if (blocks.blocks < 0 || !are_starts64(blocks.starts, blocks.blocks, blocks.count) || !have(&a, POINTS, 6, lengths)
@@ -431,19 +417,16 @@ static PyObject *py_assemble(PyObject *Py_UNUSED(module), PyObject *const *argum
     int64_t *places = (int64_t *)(space + 4 * blocks.count);
     const int64_t photos = assemble_photos(&blocks, places, &whole);
     const int64_t points = assemble_points(&blocks, a.numbers[0], space, places, &whole);
-    release(&a);
-    return Py_BuildValue("LL", (long long)photos, (long long)points);
+    return done_with(&a, Py_BuildValue("LL", (long long)photos, (long long)points));
 }
 
 /* The arrays of one of two partial blocks, of which four follow one another and the two of places stand apart. */
 static int part_from(const Arguments *a, int first, int places, PartOfTwo *p)
 {
-    const PartOfTwo part = {a->views[first].buf,     a->views[first + 1].buf,  a->views[first + 2].buf,
-                            a->views[first + 3].buf, a->views[places].buf,     a->views[places + 1].buf,
-                            length_of(a, first) / 3};
-    const int64_t photos = length_of(a, first + 3) / 3;
-    *p = part;
-    return HAVE(a, first, 3 * part.count, 3 * part.count, 9 * photos, 3 * photos) && are_rows(a, places, part.count)
+    const Py_buffer *v = a->views + first, *at = a->views + places;
+    const int64_t count = length_of(a, first) / 3, photos = length_of(a, first + 3) / 3;
+    *p = (PartOfTwo){v[0].buf, v[1].buf, v[2].buf, v[3].buf, at[0].buf, at[1].buf, count};
+    return HAVE(a, first, 3 * count, 3 * count, 9 * photos, 3 * photos) && are_rows(a, places, count)
         && are_rows(a, places + 1, photos);
 }
 
@@ -474,19 +457,16 @@ static PyObject *py_common_places(PyObject *Py_UNUSED(module), PyObject *const *
     start_from_photos(&source, &target, photos, &judges, source_deviations, target_deviations, &judgement, space,
                       a.views[START].buf);
     const double extent = extent_of(to, count);
-    release(&a);
-    return PyFloat_FromDouble(extent);
+    return done_with(&a, PyFloat_FromDouble(extent));
 }
 
 /* The arrays of a partial block, of which there are six. */
 static int block_from(const Arguments *a, int first, PartialBlock *b)
 {
-    const PartialBlock block = {a->views[first].buf,     a->views[first + 1].buf, a->views[first + 2].buf,
-                                a->views[first + 3].buf, a->views[first + 4].buf, a->views[first + 5].buf,
-                                length_of(a, first),     length_of(a, first + 1)};
-    *b = block;
-    return HAVE(a, first + 2, 3 * block.count, 3 * block.count, 9 * block.photo_count, 3 * block.photo_count)
-        && block.photo_count <= MOST_TRIPLES;
+    const Py_buffer *v = a->views + first;
+    const int64_t count = length_of(a, first), photos = length_of(a, first + 1);
+    *b = (PartialBlock){v[0].buf, v[1].buf, v[2].buf, v[3].buf, v[4].buf, v[5].buf, count, photos};
+    return HAVE(a, first + 2, 3 * count, 3 * count, 9 * photos, 3 * photos) && photos <= MOST_TRIPLES;
 }
 
 static PyObject *py_join_by_photos(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
@@ -508,17 +488,15 @@ static PyObject *py_join_by_photos(PyObject *Py_UNUSED(module), PyObject *const 
     double *space = room_of(&a, space_to_join(&source, &target));
     if (!space)
         return NULL;
-    JoinedBlock joint = {.at_source = a.views[AT_SOURCE].buf, .targets = a.views[TARGETS].buf,
-                         .residuals = a.views[RESIDUALS].buf, .factors = a.views[FACTORS].buf,
-                         .coordinates = a.views[COORDINATES].buf, .deviations = a.views[DEVIATIONS].buf,
-                         .rotations = a.views[ROTATIONS].buf, .centres = a.views[CENTRES].buf,
-                         .found = a.views[FOUND].buf};
+    const Py_buffer *v = a.views;
+    JoinedBlock joint = {.at_source = v[AT_SOURCE].buf, .targets = v[TARGETS].buf, .residuals = v[RESIDUALS].buf,
+                         .factors = v[FACTORS].buf, .coordinates = v[COORDINATES].buf, .deviations = v[DEVIATIONS].buf,
+                         .rotations = v[ROTATIONS].buf, .centres = v[CENTRES].buf, .found = v[FOUND].buf};
     const int how = join_by_photos(&source, &target, rules, a.views[JOINING].buf, space, &joint);
-    release(&a);
     if (how != JOINED)
-        return PyBool_FromLong(how == DISAGREEING);
-    return Py_BuildValue("LLLL", (long long)joint.points, (long long)joint.photos, (long long)joint.first_photo,
-                         (long long)joint.unfit);
+        return done_with(&a, PyBool_FromLong(how == DISAGREEING));
+    return done_with(&a, Py_BuildValue("LLLL", (long long)joint.points, (long long)joint.photos,
+                                       (long long)joint.first_photo, (long long)joint.unfit));
 }
 
 #define METHOD(name, text) {#name, (PyCFunction)(void (*)(void))py_##name, METH_FASTCALL, text}

@@ -27,8 +27,7 @@ typedef struct {
 static void direct(PhotoRay *ray)
 {
     double d[3];
-    for (int i = 0; i < 3; i++)
-        d[i] = dot3(ray->R + 3 * i, ray->vector);
+    times3(ray->R, ray->vector, d);
     const double length = sqrt(dot3(d, d));
     for (int i = 0; i < 3; i++)
         ray->direction[i] = d[i] / length;
@@ -39,8 +38,7 @@ static double square_at(const PhotoRay *ray, const double *X)
 {
     const double d[3] = {X[0] - ray->centre[0], X[1] - ray->centre[1], X[2] - ray->centre[2]};
     double u[3];
-    for (int i = 0; i < 3; i++)
-        u[i] = d[0] * ray->R[i] + d[1] * ray->R[3 + i] + d[2] * ray->R[6 + i];
+    transposed_times3(ray->R, d, u);
     if (!(u[2] < 0.0))
         return isnan(u[2]) ? NAN : INFINITY;
     const double scale = ray->vector[2] / u[2];

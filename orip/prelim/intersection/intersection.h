@@ -13,10 +13,7 @@ typedef struct {
 static void inverse3(const double *N, double *inverse)
 {
     double minors[9];
-    cross3(N + 3, N + 6, minors);
-    cross3(N + 6, N, minors + 3);
-    cross3(N, N + 3, minors + 6);
-    const double determinant = dot3(N, minors), trace = N[0] + N[4] + N[8];
+    const double determinant = minors3(N, minors), trace = N[0] + N[4] + N[8];
     const int regular = determinant > 1e-11 * trace * trace * trace;
     for (int k = 0; k < 9; k++)
         inverse[k] = regular ? minors[k] / determinant : NAN;
@@ -34,8 +31,7 @@ static void meet(const Rays *rays, const double *weights, double *point, double 
     }
     const double N[9] = {xx, xy, xz, xy, yy, yz, xz, yz, zz}, right[3] = {x, y, z};
     inverse3(N, inverse);
-    for (int i = 0; i < 3; i++)
-        point[i] = dot3(inverse + 3 * i, right);
+    times3(inverse, right, point);
 }
 
 static void ahead(const Rays *rays, int64_t row, const double *point, double *along, double *across)
@@ -244,9 +240,7 @@ static Bundle bundle_in(const OrientedRays *a, void *space)
 static Rays rays_of(const Bundle *b, int64_t point)
 {
     const int64_t first = b->start[point];
-    const Rays rays = {b->origins + 3 * first, b->directions + 3 * first, b->error + first,
-                       b->start[point + 1] - first};
-    return rays;
+    return (Rays){b->origins + 3 * first, b->directions + 3 * first, b->error + first, b->start[point + 1] - first};
 }
 
 typedef struct {
@@ -300,8 +294,7 @@ static double intersect_all(const OrientedRays *a, Intersecting *how, double *po
             robust_meeting(&rays, &how->robust, X, of_rays, variance, angles + point, b.scratch);
         for (int64_t row = 0; row < rays.count; row++)
             kept += of_rays[row] >= how->robust.kept;
-        const int determined = kept >= 2 && angles[point] >= how->smallest_angle && isfinite(X[0]) && isfinite(X[1])
-                               && isfinite(X[2]);
+        const int determined = kept >= 2 && angles[point] >= how->smallest_angle && is_known(X);
         for (int64_t row = 0; row < rays.count && determined; row++)
             factors[b.row[b.start[point] + row]] = of_rays[row];
         for (int i = 0; i < 3; i++) {

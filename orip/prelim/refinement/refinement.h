@@ -163,8 +163,7 @@ static void eliminate_from_cameras(RefinementProblem *n, int64_t point, const do
         const int64_t k = OF_CAMERA * n->seen[one / OF_CAMERA] + one % OF_CAMERA;
         const double column[3] = {Q[k], Q[width + k], Q[2 * width + k]};
         double solved[3];
-        for (int i = 0; i < 3; i++)
-            solved[i] = dot3(inverse + 3 * i, column);
+        times3(inverse, column, solved);
         n->camera_right[k] -= dot3(solved, g);
         for (int64_t other = 0; other < n->seen_count; other++) {
             double *normals = n->camera_normals + width * k + OF_CAMERA * n->seen[other];
@@ -204,10 +203,7 @@ static void eliminate_point(RefinementProblem *n, int64_t point)
         return;
     damp(V, 3, n->damping);
     double minors[9];
-    cross3(V + 3, V + 6, minors);
-    cross3(V + 6, V, minors + 3);
-    cross3(V, V + 3, minors + 6);
-    const double determinant = dot3(V, minors);
+    const double determinant = minors3(V, minors);
     for (int k = 0; k < 9; k++)
         inverse[k] = minors[k] / determinant;
     eliminate_from_cameras(n, point, inverse, g);

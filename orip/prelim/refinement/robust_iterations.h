@@ -69,8 +69,6 @@ static void place_selection(Refinement *r, Room *room)
         place_lists(&r->graph, lists);
 }
 
-static int is_known(const double *point) { return isfinite(point[0]) && isfinite(point[1]) && isfinite(point[2]); }
-
 /* Whether a ray may take part: that of an oriented photo and of a point that has a position. */
 static int may_be_used(const BlockRays *all, const double *points, int64_t row)
 {

@@ -204,11 +204,7 @@ static void relative_precision(const Pairs *p, const RelativeDanish *d, const do
             inverse[i][k] = LANE(column[i], 0);
     }
     for (int64_t row = 0; row < p->count; row++) {
-        const double *design = designs + 5 * row;
-        double cofactor = 0.0;
-        for (int i = 0; i < 5; i++)
-            for (int j = 0; j < 5; j++)
-                cofactor += design[i] * inverse[i][j] * design[j];
+        const double cofactor = form_of(5, 5, inverse[0], designs + 5 * row);
         redundancy[row] = larger(1.0 - weights[row] * cofactor / (p->error[row] * p->error[row]), 0.0);
     }
 }

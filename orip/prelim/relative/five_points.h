@@ -35,39 +35,29 @@ static const int CUBIC[10][4] = {{0, 2, 4, 5},     {2, 3, 8, 9},     {4, 8, 12, 
 
 INLINE Complex times(Complex a, Complex b)
 {
-    const Complex c = {a.re * b.re - a.im * b.im, a.re * b.im + a.im * b.re};
-    return c;
+    return (Complex){a.re * b.re - a.im * b.im, a.re * b.im + a.im * b.re};
 }
 
-INLINE Complex minus(Complex a, Complex b)
-{
-    const Complex c = {a.re - b.re, a.im - b.im};
-    return c;
-}
-
+INLINE Complex minus(Complex a, Complex b) { return (Complex){a.re - b.re, a.im - b.im}; }
 INLINE Lanes square_of(Complex a) { return a.re * a.re + a.im * a.im; }
 
 INLINE Complex over(Complex a, Complex b)
 {
     const Lanes square = square_of(b);
-    const Complex c = {(a.re * b.re + a.im * b.im) / square, (a.im * b.re - a.re * b.im) / square};
-    return c;
+    return (Complex){(a.re * b.re + a.im * b.im) / square, (a.im * b.re - a.re * b.im) / square};
 }
 
 INLINE Complex either_complex(LaneNumbers holds, Complex a, Complex b)
 {
-    const Complex c = {either(holds, a.re, b.re), either(holds, a.im, b.im)};
-    return c;
+    return (Complex){either(holds, a.re, b.re), either(holds, a.im, b.im)};
 }
-
-INLINE Lanes square_of3(const Lanes *a) { return a[0] * a[0] + a[1] * a[1] + a[2] * a[2]; }
 
 /* Four matrices that span all E with left^T E right = 0, by Householder's reflections. */
 static void null_space(Lanes left[5][3], Lanes right[5][3], Lanes basis[4][9])
 {
     Lanes columns[5][9], factors[5];
     for (int k = 0; k < 5; k++) {
-        const Lanes size = root_of_each(square_of3(left[k]) * square_of3(right[k]));
+        const Lanes size = root_of_each(dot_lanes(left[k], left[k]) * dot_lanes(right[k], right[k]));
         for (int i = 0; i < 9; i++)
             columns[k][i] = left[k][i / 3] * right[k][i % 3] / size;
     }
@@ -258,8 +248,7 @@ INLINE Complex root_of(Complex a)
     const Lanes more = ALL(0.5) * (size * size + a.re), less = ALL(0.5) * (size * size - a.re);
     const Lanes re = root_of_each(either(more > ALL(0.0), more, ALL(0.0)));
     const Lanes im = root_of_each(either(less > ALL(0.0), less, ALL(0.0)));
-    const Complex root = {re, either(a.im < ALL(0.0), -im, im)};
-    return root;
+    return (Complex){re, either(a.im < ALL(0.0), -im, im)};
 }
 
 /* Polynomials of the degrees up to `top`, the places on the way to a root of each, and the steps there. */

@@ -9,18 +9,6 @@
 #include "pair_loops.h"
 #include <string.h>
 
-static inline void times3(const double *M, const double *v, double *product)
-{
-    for (int i = 0; i < 3; i++)
-        product[i] = dot3(M + 3 * i, v);
-}
-
-static inline void transposed_times3(const double *M, const double *v, double *product)
-{
-    for (int i = 0; i < 3; i++)
-        product[i] = M[i] * v[0] + M[3 + i] * v[1] + M[6 + i] * v[2];
-}
-
 /* [base]x R */
 static void essential_of(const double *base, const double *R, double *E)
 {

@@ -153,22 +153,14 @@ static void deviations_of(double inverse[5][5], RelativeFound *f)
         if (fabs(f->base[i]) > fabs(f->base[held]))
             held = i;
     for (int i = 0; i < 3; i++) {
-        double partials[2], square = 0.0;
+        double partials[2];
         for (int k = 0; k < 2; k++)
             partials[k] = across[k][i] - f->base[i] / f->base[held] * across[k][held];
-        for (int k = 0; k < 2; k++)
-            for (int m = 0; m < 2; m++)
-                square += partials[k] * inverse[k][m] * partials[m];
-        f->base_deviation[i] = sqrt(larger(square, 0.0));
+        f->base_deviation[i] = sqrt(larger(form_of(2, 5, inverse[0], partials), 0.0));
     }
     angle_rates(f->angles, rates);
-    for (int i = 0; i < 3; i++) {
-        double square = 0.0;
-        for (int k = 0; k < 3; k++)
-            for (int m = 0; m < 3; m++)
-                square += rates[3 * i + k] * inverse[2 + k][2 + m] * rates[3 * i + m];
-        f->angle_deviation[i] = sqrt(larger(square, 0.0));
-    }
+    for (int i = 0; i < 3; i++)
+        f->angle_deviation[i] = sqrt(larger(form_of(3, 5, inverse[2] + 2, rates + 3 * i), 0.0));
 }
 
 /* Standard deviations of the intersection of both rays of a point for a fixed orientation; `error` is that of a photo
@@ -188,10 +180,7 @@ static void intersection_deviations(const double *base, const double *R, const d
     const double trace = N[0] + N[4] + N[8];
     for (int i = 0; i < 3; i++)
         N[4 * i] += 1e-15 * trace;
-    cross3(N + 3, N + 6, minors);
-    cross3(N + 6, N, minors + 3);
-    cross3(N, N + 3, minors + 6);
-    const double determinant = dot3(N, minors);
+    const double determinant = minors3(N, minors);
     for (int i = 0; i < 3; i++)
         deviations[i] = error * sqrt(larger(minors[4 * i] / determinant, 0.0));
 }
@@ -206,8 +195,7 @@ static void intersect_pairs(const Pairs *p, const RelativePoints *points, Relati
         double along[2], *X = points->coordinates + 3 * row, *deviations = points->deviations + 3 * row;
         meeting_of(f->base, f->rotation, left, right, X, along);
         points->in_front[row] = along[0] > 0.0 && along[1] > 0.0;
-        points->usable[row] = points->weights[row] == 1.0 && points->in_front[row] && isfinite(X[0])
-            && isfinite(X[1]) && isfinite(X[2]);
+        points->usable[row] = points->weights[row] == 1.0 && points->in_front[row] && is_known(X);
         if (points->usable[row]) {
             f->length += 0.001 / along[0], usable++;
             intersection_deviations(f->base, f->rotation, left, right, p->error[row] / sqrt(2.0), X, deviations);

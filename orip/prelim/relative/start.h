@@ -268,7 +268,7 @@ static void singular_vectors(const double *M, double u[3][3], double v[3][3])
             square[i][j] = M[i] * M[j] + M[3 + i] * M[3 + j] + M[6 + i] * M[6 + j];
     eigen3(square, values, V);
     for (int i = 0; i < 3; i++)
-        v[0][i] = V[i][2], v[1][i] = V[i][1];
+        v[0][i] = V[2][i], v[1][i] = V[1][i];
     cross3(v[0], v[1], v[2]);
     for (int k = 0; k < 2; k++) {
         times3(M, v[k], u[k]);

@@ -61,11 +61,10 @@ static OrientationChoice choice_of(const ResectionRules *r, const Known *k)
     /* see `variance_of_least` in orip/prelim/resection/known_points.py */
     const double share = 1.0 + (left_out > 0.0 ? left_out * log(left_out) / (1.0 - left_out) : 0.0);
     const double per_sum = count / larger(count - 3.0, 1.0) / (2.0 * least * share);
-    const OrientationChoice choice = {
+    return (OrientationChoice){
         r->limit, r->alike * larger(2.0 * least - 6.0, 2.0), r->same, per_sum, r->largest_turn,
         (int64_t)r->improvements,
         {r->limit, r->floor, r->steady, r->same_scale, r->largest_turn, (int64_t)r->iterations}};
-    return choice;
 }
 
 /* Root cofactors of six unknowns; whether their equations are regular without a doubt. */

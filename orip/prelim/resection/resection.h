@@ -9,9 +9,8 @@ typedef struct {
 
 static Equations equations_in(double *space, int64_t count)
 {
-    const Equations e = {space, space + 2 * count, space + 14 * count, space + 15 * count, space + 16 * count,
-                         space + 17 * count};
-    return e;
+    return (Equations){space, space + 2 * count, space + 14 * count, space + 15 * count, space + 16 * count,
+                       space + 17 * count};
 }
 
 static void linearise_resection(const Known *k, const double *R, const double *centre, Equations *e)
@@ -70,13 +69,13 @@ static void move_photo(const double *correction, double largest_turn, const doub
 }
 
 /* The sum of the smallest squares, and the largest of these. */
-static double trimmed(const Known *k, Equations *e, double *largest)
+static double trimmed(const Known *k, const double *squares, double *sorted, double *largest)
 {
-    memcpy(e->sorted, e->squares, (size_t)k->count * sizeof(double));
-    *largest = select_smallest(e->sorted, k->count, k->least - 1);
+    memcpy(sorted, squares, (size_t)k->count * sizeof(double));
+    *largest = select_smallest(sorted, k->count, k->least - 1);
     double sum = 0.0;
     for (int64_t row = 0; row < k->least; row++)
-        sum += e->sorted[row];
+        sum += sorted[row];
     return sum;
 }
 
@@ -202,7 +201,7 @@ static void improve_one(const Known *k, int64_t steps, double largest_turn, doub
     Equations here = equations_in(space, k->count), there = equations_in(space + NUMBERS_OF_A_POINT * k->count, k->count);
     double limit, limit_there, damping = 1e-3;
     linearise_resection(k, R, centre, &here);
-    double sum = trimmed(k, &here, &limit);
+    double sum = trimmed(k, here.squares, here.sorted, &limit);
     for (int64_t step = 0; step < steps; step++) {
         double correction[6], R_moved[9], centre_moved[3];
         for (int64_t row = 0; row < k->count; row++)
@@ -210,7 +209,7 @@ static void improve_one(const Known *k, int64_t steps, double largest_turn, doub
         solve_resection(k, &here, damping, correction);
         move_photo(correction, largest_turn, R, centre, R_moved, centre_moved);
         linearise_resection(k, R_moved, centre_moved, &there);
-        const double sum_there = trimmed(k, &there, &limit_there);
+        const double sum_there = trimmed(k, there.squares, there.sorted, &limit_there);
         const int better = sum_there <= sum;
         damping *= better ? 0.1 : 10.0;
         if (better) {
@@ -262,16 +261,9 @@ static void adjust_one(const Known *k, const Danish *danish, double variance, do
 static double least_variance(const Known *k, const OrientationChoice *s, const double *squares, int64_t number,
                              double *sorted)
 {
-    double least = INFINITY;
-    for (int64_t one = 0; one < number; one++) {
-        double sum = 0.0;
-        memcpy(sorted, squares + one * k->count, (size_t)k->count * sizeof(double));
-        select_smallest(sorted, k->count, k->least - 1);
-        for (int64_t row = 0; row < k->least; row++)
-            sum += sorted[row];
-        if (s->per_sum * sum < least)
-            least = s->per_sum * sum;
-    }
+    double least = INFINITY, largest;
+    for (int64_t one = 0; one < number; one++)
+        least = smaller(s->per_sum * trimmed(k, squares + one * k->count, sorted, &largest), least);
     return least;
 }
 

@@ -10,8 +10,6 @@
 #define MIX 0.4142
 #define MISCLOSURE 1e-8
 
-#define MOST_SWEEPS 30
-
 static const int PAIRS[3][2] = {{0, 1}, {0, 2}, {1, 2}};
 
 /* Orientations, photo to ground, in the lanes of a triple each, and in which lanes there is one. */
@@ -75,55 +73,6 @@ static double isolated_root(const double *c)
     return root;
 }
 
-/* Exchange vectors in some lanes. */
-INLINE void exchange(LaneNumbers where, Lanes *a, Lanes *b, int size)
-{
-    for (int i = 0; i < size; i++) {
-        const Lanes kept = a[i];
-        a[i] = either(where, b[i], kept), b[i] = either(where, kept, b[i]);
-    }
-}
-
-/* Eigenvalues, ascending, and eigenvectors (rows) of symmetric matrices by Jacobi's rotations. */
-static void eigen3_lanes(Lanes A[3][3], Lanes values[3], Lanes V[3][3])
-{
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++)
-            V[i][j] = ALL((double)(i == j));
-    for (int sweep = 0; sweep < MOST_SWEEPS; sweep++) {
-        const Lanes off = size_of_each(A[0][1]) + size_of_each(A[0][2]) + size_of_each(A[1][2]);
-        const LaneNumbers goes_on =
-            off > ALL(1e-18) * (size_of_each(A[0][0]) + size_of_each(A[1][1]) + size_of_each(A[2][2]) + off);
-        if (!in_any(goes_on))
-            break;
-        for (int p = 0; p < 2; p++)
-            for (int q = p + 1; q < 3; q++) {
-                const LaneNumbers turns = goes_on & (A[p][q] != ALL(0.0));
-                const Lanes theta = (A[q][q] - A[p][p]) / (ALL(2.0) * A[p][q]);
-                const Lanes size = ALL(1.0) / (size_of_each(theta) + root_of_each(theta * theta + ALL(1.0)));
-                const Lanes t = either(turns, either(theta < ALL(0.0), -size, size), ALL(0.0));
-                const Lanes c = ALL(1.0) / root_of_each(t * t + ALL(1.0)), s = t * c;
-                for (int k = 0; k < 3; k++) {
-                    const Lanes kp = A[k][p], kq = A[k][q];
-                    A[k][p] = c * kp - s * kq, A[k][q] = s * kp + c * kq;
-                }
-                for (int k = 0; k < 3; k++) {
-                    const Lanes pk = A[p][k], qk = A[q][k], vp = V[p][k], vq = V[q][k];
-                    A[p][k] = c * pk - s * qk, A[q][k] = s * pk + c * qk;
-                    V[p][k] = c * vp - s * vq, V[q][k] = s * vp + c * vq;
-                }
-            }
-    }
-    for (int i = 0; i < 3; i++)
-        values[i] = A[i][i];
-    for (int i = 0; i < 2; i++)
-        for (int j = 0; j < 2 - i; j++) {
-            const LaneNumbers descend = values[j] > values[j + 1];
-            exchange(descend, values + j, values + j + 1, 1);
-            exchange(descend, V[j], V[j + 1], 3);
-        }
-}
-
 INLINE Lanes form_at(Lanes form[3][3], const Lanes *p, const Lanes *q)
 {
     return p[0] * dot_lanes(form[0], q) + p[1] * dot_lanes(form[1], q) + p[2] * dot_lanes(form[2], q);
@@ -152,9 +101,9 @@ static void intersect_conics(Lanes forms[2][3][3], Lanes directions[4][3])
     for (int i = 0; i < 3; i++)
         c[1] += dot_lanes(minors[0][i], forms[1][i]), c[2] += dot_lanes(minors[1][i], forms[0][i]);
     const LaneNumbers turn = size_of_each(c[3]) < size_of_each(c[0]);
-    exchange(turn, c, c + 3, 1);
-    exchange(turn, c + 1, c + 2, 1);
-    exchange(turn, forms[0][0], forms[1][0], 9);
+    exchange_lanes(turn, c, c + 3, 1);
+    exchange_lanes(turn, c + 1, c + 2, 1);
+    exchange_lanes(turn, forms[0][0], forms[1][0], 9);
     for (int lane = 0; lane < LANES; lane++) {
         const double of_lane[4] = {LANE(c[0], lane), LANE(c[1], lane), LANE(c[2], lane), LANE(c[3], lane)};
         LANE(root, lane) = isolated_root(of_lane);

@@ -217,10 +217,7 @@ static double similarity_residuals(const Common *c, const At *at, const double *
             residuals[k] = turned[r] + at->shift[r] - c->target[k];
             if (!isfinite(c->target[k]) || factors[k] != 1.0)
                 continue;
-            double cofactor = 0.0;
-            for (int i = 0; i < c->unknowns; i++)
-                for (int j = 0; j < c->unknowns; j++)
-                    cofactor += rows[r][i] * cofactors[i][j] * rows[r][j];
+            const double cofactor = form_of((int)c->unknowns, MOST_UNKNOWNS, cofactors[0], rows[r]);
             const double standard = residuals[k] / c->error[k];
             square += standard * standard, used += 1.0 - cofactor / (c->error[k] * c->error[k]);
         }
@@ -246,10 +243,7 @@ static void similarity_deviations(SimilarityFound *f, const double *centroid,
             change[4 + i][4 + k] = rates[3 * i + k];
     }
     for (int u = 0; u < MOST_UNKNOWNS; u++) {
-        double square = 0.0;
-        for (int i = 0; i < MOST_UNKNOWNS; i++)
-            for (int j = 0; j < MOST_UNKNOWNS; j++)
-                square += change[u][i] * cofactors[i][j] * change[u][j];
+        const double square = form_of(MOST_UNKNOWNS, MOST_UNKNOWNS, cofactors[0], change[u]);
         f->deviations[u] = unit_weight * sqrt(larger(square, 0.0));
     }
 }

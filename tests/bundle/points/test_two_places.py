@@ -54,3 +54,20 @@ def test_where_more_rays_are_right_nothing_is_said(wrong: int, right: int) -> No
     found, _ = solution("d", wrong, right)
     assert TWO_PLACES not in [one.code for one in found.diagnosis]
     assert "another place" not in found.verdict
+
+
+def test_rays_that_meet_behind_their_photos_have_no_other_place() -> None:
+    made = synthetic_block("strip", "behind")
+    points = made.block.photo_points
+    (row, other) = np.flatnonzero(points.point == 1)
+    xy = points.xy.copy()
+    xy[[row, other]] *= -1.0
+    block = replace(
+        made.block, photo_orientation=made.orientations, point_start=made.points, control_points=(),
+        photo_points=replace(points, xy=xy),
+    )  # fmt: skip
+    problem, state = pose_problem(block), starting_state(block)
+    equations = problem.linearise(state)
+    weights = np.ones(len(equations.residual))
+    weights[2 * row] = 0.1
+    assert problem.other_places(state, equations, weights, 3.0) == []

@@ -264,6 +264,31 @@ def test_heights_above_an_ellipsoid_are_in_metres(tmp_path: Path) -> None:
     assert read(tmp_path, "a.csv", "photo,lon,lat,h (ft)\nP1,9,53,1000\n").place[0, 2] == pytest.approx(304.8)
 
 
+@pytest.mark.parametrize("text", ["53°30'00\"N;8°15'00\"E", "53 30 00 N;E 8 15 00", "53,5;8,25", "N53:30;8.25°"])
+def test_places_in_degrees_minutes_and_seconds(tmp_path: Path, text: str) -> None:
+    found = read(tmp_path, "a.csv", f"photo;lat;lon;h\nP1;{text};10\n")
+    np.testing.assert_allclose(np.degrees(found.place[0, :2]), [8.25, 53.5], rtol=1e-15)
+
+
+def test_degrees_that_are_not_told_from_fields_are_refused(tmp_path: Path) -> None:
+    (said,) = complaints(tmp_path, "a.txt", "photo lat lon h\nP1 53 30 00 N 8 15 00 E 10\n")
+    assert said.endswith(
+        "10 fields, and the heading has 4; separate fields that have blanks in them, such as 53 30 00 N, by semicolons"
+    )
+    (said,) = complaints(tmp_path, "a.csv", "photo,lat,lon,h\nP1,8°15'E,53.5,10\n")
+    assert "are longitude and latitude exchanged?" in said
+
+
+def test_lengths_are_in_the_unit_of_the_heading(tmp_path: Path) -> None:
+    text = "photo,X (ftUS),Y (ftUS),Z (ftUS),sX (ftUS),sY (m),sZ\nP1,3937,7874,393.7,3.937,1.2,3.937\n"
+    found = read(tmp_path, "a.csv", text, ground_unit="m")
+    np.testing.assert_allclose(found.place[0], [1200.0, 2400.0, 120.0])
+    np.testing.assert_allclose(np.sqrt(np.diag(found.covariance[0])), [1.2, 1.2, 1.2])
+    found = read(tmp_path, "a.csv", text, ground_unit="US survey foot")
+    np.testing.assert_allclose(found.place[0], [3937.0, 7874.0, 393.7])
+    np.testing.assert_allclose(np.sqrt(np.diag(found.covariance[0])), [3.937, 3.937, 3.937])
+
+
 def test_columns_that_are_named(tmp_path: Path) -> None:
     text = "Bild,Rechts,Hoch,Hoehe\nP1,1,2,3\n"
     (said,) = complaints(tmp_path, "a.csv", text)
