@@ -15,6 +15,7 @@ from orip.bundle.problem import BlockProblem, pose_problem
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.verdict import headline, sigma0_test
 from orip.errors import Complaint, InputError, NotSolvableError, ProjectWarning
+from orip.mistakes.control.seen_control import SHORT_TEXTS_OF_CONTROL
 from orip.mistakes.explanation import explain_failure, explain_misfit, explain_start
 from orip.mistakes.hypothesis import Readjuster
 from orip.records.block import Block
@@ -110,16 +111,7 @@ def solve(
         With the probable causes first.
     """
     adjuster = _Adjuster(gathered, method, watcher, pose)
-    try:
-        adjusted, mistaken, taken = _best_of_starts(adjuster)
-    except NotSolvableError as error:
-        causes = [warning for warning in gathered.warnings if warning.code in FIRST_CAUSES]
-        if not (adjuster.is_misread or adjuster.lacks_only_control):
-            causes += explain_failure(_readjuster(gathered), adjuster.not_oriented)
-        raise NotSolvableError("\n".join([*map(str, causes), str(error)])) from None
-    except InputError as error:
-        first = (Complaint(str(warning)) for warning in gathered.warnings if warning.code in FIRST_CAUSES)
-        raise InputError((*first, *error.complaints)) from None
+    adjusted, mistaken, taken = _best_or_causes(adjuster)
     start, solution = adjusted.start, adjusted.solution
     mistaken = _with_mistakes_of_the_block(mistaken, adjuster, adjusted)
     known = (*gathered.warnings, *mistaken)
@@ -134,6 +126,14 @@ def solve(
     rows = tuple((warning.code, warning.where, warning.text) for warning in warnings)
     solution = replace(judged(solution, mistaken, gathered.warnings, taken), warnings=rows)
     return replace(solution, verdict=headline(solution, 0, sigma0_test(solution))[1]), adjusted.solved
+
+
+def adjust_bundle(inputs: BlockInput) -> SolvedBlock:
+    """Return the block of a bundle as `solve_bundle` adjusts it, for work with its normal equations alone.
+
+    What is wrong with it is not sought, which often takes longer than the adjustment.
+    """
+    return _best_or_causes(_Adjuster(gather_bundle(inputs), PLAIN, NOBODY, pose_problem))[0].solved
 
 
 def _with_mistakes_of_the_block(
@@ -153,6 +153,9 @@ def _with_mistakes_of_the_block(
     of_place = {found.where: found for found in reversed(explained) if found.where}
     first = [of_place.get(found.where, found) for found in of_start]
     left_out = list(start.left_out)
+    if any(found.code in SHORT_TEXTS_OF_CONTROL for found in explained):
+        # photos were resected from that control, and placed with it
+        return [*first, *(found for found in explained if found not in first), *left_out]
     if left_out:
         left_out = [*explain_failure(_readjuster(gathered), adjuster.not_oriented), *left_out]
     return [*first, *left_out, *(found for found in explained if found not in first)]
@@ -230,6 +233,20 @@ class _Adjuster(Struct):
         with self.watcher.stoppable() as stop_asked:
             found = adjust_block(start.block, self.method, self.watcher.passed, stop_asked, self.pose)
         return _Adjusted(start, *found)
+
+
+def _best_or_causes(adjuster: _Adjuster) -> tuple[_Adjusted, list[ProjectWarning], list[ProjectWarning]]:
+    """Return what `_best_of_starts` does; where nothing can be adjusted, an error with the probable causes first."""
+    try:
+        return _best_of_starts(adjuster)
+    except NotSolvableError as error:
+        causes = [warning for warning in adjuster.gathered.warnings if warning.code in FIRST_CAUSES]
+        if not (adjuster.is_misread or adjuster.lacks_only_control):
+            causes += explain_failure(_readjuster(adjuster.gathered), adjuster.not_oriented)
+        raise NotSolvableError("\n".join([*map(str, causes), str(error)])) from None
+    except InputError as error:
+        first = (Complaint(str(warning)) for warning in adjuster.gathered.warnings if warning.code in FIRST_CAUSES)
+        raise InputError((*first, *error.complaints)) from None
 
 
 def _best_of_starts(adjuster: _Adjuster) -> tuple[_Adjusted, list[ProjectWarning], list[ProjectWarning]]:
