@@ -28,12 +28,12 @@ def what_helps(session: OnlineSession, folder: Path, request: Request) -> dict[s
     """
     # they take their time to import, and a session has to answer soon
     from orip.bundle.additions.placing import USUAL_ERROR, Wanted, place_in_block, told
-    from orip.solving.solve import solve_bundle
+    from orip.solving.solve import adjust_bundle
 
     if not len(session.measuring.block.measurements):
         message = "nothing is measured yet"
         raise UsageError(message)
     films = mounted_films(folder, LOG, "heads")
-    _, solved = solve_bundle(block_input_so_far(BundleState(films.state, session.bundle.name)))[:2]
+    solved = adjust_bundle(block_input_so_far(BundleState(films.state, session.bundle.name)))
     wanted = Wanted(request.added, request.number, "largest", _JUDGED, USUAL_ERROR)
     return told(place_in_block(solved, wanted), wanted)

@@ -19,7 +19,7 @@ from orip.planning.plan import PlannedFlight
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.control import ControlPoint, Station
 from orip.records.plan import PlanSettings
-from orip.solving.solve import solve_bundle
+from orip.solving.solve import adjust_bundle
 from orip.structs import replace
 from orip.workflow.adjust.gathering import block_input
 from orip.workflow.project.bundle_state import read_bundle
@@ -47,7 +47,7 @@ def place_in_plan(given: Given, stations: Sequence[Station], wanted: Wanted) -> 
 def solved_bundle(folder: Path, bundle: str | None) -> tuple[SolvedBlock, str]:
     """Adjust a bundle of a project folder in memory; return it with the ground unit."""
     state = read_bundle(folder, bundle, "definitions", "marks", "observations")
-    return solve_bundle(block_input(state))[1], state.project.definition.ground_unit
+    return adjust_bundle(block_input(state)), state.project.definition.ground_unit
 
 
 def best_control(given: Given, stations: Sequence[Station], count: int) -> tuple[ControlPoint, ...]:

@@ -110,16 +110,7 @@ def solve(
         With the probable causes first.
     """
     adjuster = _Adjuster(gathered, method, watcher, pose)
-    try:
-        adjusted, mistaken, taken = _best_of_starts(adjuster)
-    except NotSolvableError as error:
-        causes = [warning for warning in gathered.warnings if warning.code in FIRST_CAUSES]
-        if not (adjuster.is_misread or adjuster.lacks_only_control):
-            causes += explain_failure(_readjuster(gathered), adjuster.not_oriented)
-        raise NotSolvableError("\n".join([*map(str, causes), str(error)])) from None
-    except InputError as error:
-        first = (Complaint(str(warning)) for warning in gathered.warnings if warning.code in FIRST_CAUSES)
-        raise InputError((*first, *error.complaints)) from None
+    adjusted, mistaken, taken = _best_or_causes(adjuster)
     start, solution = adjusted.start, adjusted.solution
     mistaken = _with_mistakes_of_the_block(mistaken, adjuster, adjusted)
     known = (*gathered.warnings, *mistaken)
@@ -134,6 +125,14 @@ def solve(
     rows = tuple((warning.code, warning.where, warning.text) for warning in warnings)
     solution = replace(judged(solution, mistaken, gathered.warnings, taken), warnings=rows)
     return replace(solution, verdict=headline(solution, 0, sigma0_test(solution))[1]), adjusted.solved
+
+
+def adjust_bundle(inputs: BlockInput) -> SolvedBlock:
+    """Return the block of a bundle as `solve_bundle` adjusts it, for work with its normal equations alone.
+
+    What is wrong with it is not sought, which often takes longer than the adjustment.
+    """
+    return _best_or_causes(_Adjuster(gather_bundle(inputs), PLAIN, NOBODY, pose_problem))[0].solved
 
 
 def _with_mistakes_of_the_block(
@@ -230,6 +229,20 @@ class _Adjuster(Struct):
         with self.watcher.stoppable() as stop_asked:
             found = adjust_block(start.block, self.method, self.watcher.passed, stop_asked, self.pose)
         return _Adjusted(start, *found)
+
+
+def _best_or_causes(adjuster: _Adjuster) -> tuple[_Adjusted, list[ProjectWarning], list[ProjectWarning]]:
+    """Return what `_best_of_starts` does; where nothing can be adjusted, an error with the probable causes first."""
+    try:
+        return _best_of_starts(adjuster)
+    except NotSolvableError as error:
+        causes = [warning for warning in adjuster.gathered.warnings if warning.code in FIRST_CAUSES]
+        if not (adjuster.is_misread or adjuster.lacks_only_control):
+            causes += explain_failure(_readjuster(adjuster.gathered), adjuster.not_oriented)
+        raise NotSolvableError("\n".join([*map(str, causes), str(error)])) from None
+    except InputError as error:
+        first = (Complaint(str(warning)) for warning in adjuster.gathered.warnings if warning.code in FIRST_CAUSES)
+        raise InputError((*first, *error.complaints)) from None
 
 
 def _best_of_starts(adjuster: _Adjuster) -> tuple[_Adjusted, list[ProjectWarning], list[ProjectWarning]]:

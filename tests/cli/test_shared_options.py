@@ -160,14 +160,19 @@ def test_status_imports_nothing_that_computes(project: Path) -> None:
     assert not {*SLOW, *computing, "numpy", "orip.records.results.solution"} & found
 
 
-@pytest.mark.parametrize("words", [["status"], ["measure"], ["compare", "result.json", "result.json"]])
-def test_commands_that_adjust_nothing_load_nothing_that_does(tmp_path: Path, words: list[str]) -> None:
-    # with models and their drive table, of which `status` tells whether it is up to date
-    folder = tmp_path / "block"
-    assert orip(tmp_path, "init", "--sample", "small_frame_block", str(folder)).code == 0
+@pytest.fixture(scope="module")
+def solved_block(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A block with models and their drive table, of which `status` tells whether it is up to date."""
+    folder = tmp_path_factory.mktemp("solved") / "block"
+    assert orip(folder.parent, "init", "--sample", "small_frame_block", str(folder)).code == 0
     assert orip(folder, "run", "--no-report").code == 0
+    return folder
+
+
+@pytest.mark.parametrize("words", [["status"], ["measure"], ["compare", "result.json", "result.json"]])
+def test_commands_that_adjust_nothing_load_nothing_that_does(solved_block: Path, words: list[str]) -> None:
     statements = f"from orip.cli.main import app; app(['-C', '.', *{words}], standalone_mode=False)"
-    found = modules_after(statements, folder)
+    found = modules_after(statements, solved_block)
     assert not {"orip.adjustment", "orip.bundle.problem", "orip.prelim", "scipy.sparse", "scipy.linalg"} & found
 
 

@@ -13,6 +13,7 @@ from cli.command_line import orip
 from hostile.killing import fork
 from support.long_cases import in_turn
 from workflow.killed_orip import Steps
+from workflow.small_projects import first_project
 
 from orip.errors import InputError
 
@@ -23,8 +24,7 @@ COMMANDS = ("import colmap {}/model new", "export colmap new", "export bingo new
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("made") / "p"
-    assert orip(folder.parent, "init", "--sample", "zurich_city_hall", str(folder)).code == 0
+    folder = first_project(tmp_path_factory.mktemp("made") / "p")
     assert orip(folder, "run", "--no-report").code == 0
     assert orip(folder, "export", "colmap", "model").code == 0
     return folder

@@ -29,8 +29,8 @@ def build(kind: str, source: Path, target: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Build a wheel from a source distribution of a copy of the repository."""
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Build a wheel from a source distribution of a copy of the repository, and unpack it."""
     folder = tmp_path_factory.mktemp("distributions")
     clone = folder / "clone"
     clone.mkdir()
@@ -43,19 +43,19 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
             shutil.copy(source, clone / name)
     archive = build("sdist", clone, folder / "sdist")
     shutil.unpack_archive(archive, folder, filter="data")
-    return build("wheel", folder / archive.name.removesuffix(".tar.gz"), folder / "wheel")
+    with zipfile.ZipFile(build("wheel", folder / archive.name.removesuffix(".tar.gz"), folder / "wheel")) as wheel:
+        wheel.extractall(folder / "installed")
+    return folder / "installed"
 
 
 @pytest.mark.parametrize("name", SAMPLES)
-def test_an_installed_wheel_writes_the_samples_of_the_repository(tmp_path: Path, wheel: Path, name: str) -> None:
-    with zipfile.ZipFile(wheel) as archive:
-        archive.extractall(tmp_path / "installed")
+def test_an_installed_wheel_writes_the_samples_of_the_repository(tmp_path: Path, installed: Path, name: str) -> None:
     words = [sys.executable, "-m", "orip.cli.main", "init", "--sample", name, str(tmp_path / "mine")]
-    environment = {**os.environ, "PYTHONPATH": str(tmp_path / "installed")}
+    environment = {**os.environ, "PYTHONPATH": str(installed)}
     subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
-    installed = tmp_path / "installed" / "orip" / "sample_projects" / name
+    sample = installed / "orip" / "sample_projects" / name
     written = contents(tmp_path / "mine")
     del written[".gitignore"]
-    assert set(written) == {path.name for path in installed.iterdir()} != set()
+    assert set(written) == {path.name for path in sample.iterdir()} != set()
     for file, content in written.items():
         assert content == (REPOSITORY / "sample_projects" / name / file).read_bytes()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -12,14 +13,19 @@ from workflow.small_projects import first_project, replace_in
 from orip.workflow.project.state import read_project
 
 
-@pytest.fixture
-def copied(tmp_path: Path) -> Path:
-    folder = first_project(tmp_path / "first")
+@pytest.fixture(scope="module")
+def copied_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = first_project(tmp_path_factory.mktemp("copied") / "first")
     assert orip(folder, "run", "--no-report").code == 0
     assert orip(folder, "bundle", "copy", "MAIN", "B2").code == 0
     said = orip(folder, "run", "--no-report")
     assert said.code == 0, said.told
     return folder
+
+
+@pytest.fixture
+def copied(copied_once: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(copied_once, tmp_path / "first"))
 
 
 def result(folder: Path, bundle: str) -> dict:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 from msgspec import Struct
-from numpy.typing import NDArray
 from scipy.linalg import cython_blas, cython_lapack, lapack
 
 from orip.arrays import FloatArray, IntArray
@@ -72,38 +71,65 @@ def _routine(name: str, arguments: int, library: Any = cython_lapack) -> Callabl
 _FACTORISE, _SOLVE, _FACTORISE_FULL = _routine("dpbtrf", 6), _routine("dtbtrs", 11), _routine("dpotrf", 5)
 _SOLVE_FULL, _SUBTRACT_SQUARE = _routine("dtrsm", 11, cython_blas), _routine("dsyrk", 10, cython_blas)
 _MULTIPLY, _MULTIPLY_SYMMETRIC = _routine("dgemm", 13, cython_blas), _routine("dsymm", 12, cython_blas)
+_SOLVE_VECTOR, _MULTIPLY_VECTOR = _routine("dtrsv", 8, cython_blas), _routine("dgemv", 11, cython_blas)
 
-_INTEGER = np.intc if b", int *" in _name_of_capsule(cython_lapack.__pyx_capi__["dpbtrf"]) else np.int64
+_INTEGER = ctypes.c_int if b", int *" in _name_of_capsule(cython_lapack.__pyx_capi__["dpbtrf"]) else ctypes.c_int64
 """SciPy may have been built with a LAPACK of long integers; the name of a routine's capsule has its types."""
+
+# A panel of some hundred columns takes less time than NumPy takes for the addresses of a dozen arguments. `byref` is
+# quick, and keeps what it points to; `from_buffer` takes none but arrays that are whole and may be written.
+
+_Pointer = Any
+
+_LOWER, _TRANSPOSED, _NOT, _RIGHT = (ctypes.byref(ctypes.c_char(letter)) for letter in b"LTNR")
+_ZERO, _ONE, _MINUS_ONE = (ctypes.byref(ctypes.c_double(value)) for value in (0.0, 1.0, -1.0))
+
+
+def _number(value: int) -> _Pointer:
+    return ctypes.byref(_INTEGER(value))
+
+
+_STEP = _number(1)
+
+
+def _element(array: FloatArray, place: int = 0) -> _Pointer:
+    """Return a pointer to an element of an array, counted through its rows."""
+    return ctypes.byref(ctypes.c_double.from_buffer(array.data, array.itemsize * place))
+
+
+def _part(band: FloatArray, row: int, column: int) -> _Pointer:
+    """Return what a routine takes as the part of a band from an element (row, column) on."""
+    return _element(band, column * (band.shape[1] - 1) + row)
 
 
 def factorise_in_place(band: FloatArray) -> int:
     """Replace a band (n, w + 1), in LAPACK's lower storage by columns, by its factor L; return LAPACK's `info`."""
     count, stored = band.shape
-    info = _number(0)
-    _call(_FACTORISE, _letter("L"), _number(count), _number(stored - 1), band, _number(stored), info)
-    return int(info)
+    info = _INTEGER(0)
+    _FACTORISE(_LOWER, _number(count), _number(stored - 1), _element(band), _number(stored), ctypes.byref(info))
+    return info.value
 
 
 def reduce_in_place(band: FloatArray, vectors: FloatArray) -> None:
     """Replace vectors (k, n) by L^-1 of them, with L in a band (n, w + 1); zeros that all begin with stay zeros."""
     places = np.flatnonzero(vectors.any(axis=0))
     if places.size:
-        _solve(band[places[0] :], vectors, int(places[0]), "N")
+        _solve(band, vectors, int(places[0]), _NOT)
 
 
 def substitute_in_place(band: FloatArray, vectors: FloatArray) -> None:
     """Replace vectors (k, n) by L^-T of them, with L in a band (n, w + 1)."""
     if vectors.size:
-        _solve(band, vectors, 0, "T")
+        _solve(band, vectors, 0, _TRANSPOSED)
 
 
-def _solve(band: FloatArray, vectors: FloatArray, first: int, trans: str) -> None:
+def _solve(band: FloatArray, vectors: FloatArray, first: int, trans: _Pointer) -> None:
     """Replace the elements of vectors (k, n) from a first one on, with what a band has from its column there on."""
     count, stored = band.shape
-    _call(
-        _SOLVE, _letter("L"), _letter(trans), _letter("N"), _number(count), _number(stored - 1), _number(len(vectors)),
-        band, _number(stored), vectors[0, first:], _number(vectors.shape[1]), _number(0),
+    _SOLVE(
+        _LOWER, trans, _NOT, _number(count - first), _number(stored - 1), _number(len(vectors)),
+        _element(band, first * stored), _number(stored), _element(vectors, first), _number(vectors.shape[1]),
+        _number(0),
     )  # fmt: skip
 
 
@@ -112,64 +138,87 @@ def eliminate_panel(band: FloatArray, start: int, end: int, reach: int) -> int:
 
     Its columns, from `start` on to that before `end`, reach down to the row before `reach`.
     """
-    stride, count, rest = _number(band.shape[1] - 1), _number(end - start), _number(reach - end)
-    diagonal, below = _part(band, start, start), _part(band, end, start)
-    info = _number(0)
-    _call(_FACTORISE_FULL, _letter("L"), count, diagonal, stride, info)
-    if not info and reach > end:
-        _call(
-            _SOLVE_FULL, _letter("R"), _letter("L"), _letter("T"), _letter("N"), rest, count, _ONE, diagonal, stride,
-            below, stride,
-        )  # fmt: skip
-        # two strips with as many elements each: more of them take longer on one thread
-        between = [end + 32 * round(_FIRST_STRIP * (reach - end) / 32)] if reach - end > _TWO_STRIPS else []
-        strips = pairwise([end, *between, reach])
+    stride, count, info = _number(band.shape[1] - 1), _number(end - start), _INTEGER(0)
+    _FACTORISE_FULL(_LOWER, count, _part(band, start, start), stride, ctypes.byref(info))
+    if not info.value and reach > end:
+        by_threads(lambda rows: _divide(band, start, end, *rows), _two_strips(end, reach, 0.5), 1)
+        strips = _two_strips(end, reach, _FIRST_STRIP)
         by_threads(lambda strip: _subtract_square(band, start, end, reach, *strip), strips, 1)
-    return int(info)
+    return info.value
 
 
-_TWO_STRIPS = 512
-"""Columns after a panel from which two threads pay."""
+_FROM_TWO_STRIPS = 512
+"""Columns after a panel from which two threads pay; more of them take longer on one thread."""
 
 _FIRST_STRIP = 1.0 - 0.5**0.5
 """Part of the columns of a triangle that has half of its elements."""
+
+
+def _two_strips(end: int, reach: int, first: float) -> Iterable[tuple[int, int]]:
+    """Return the borders of what comes after a panel: of two strips, the first one with so large a part, or of one."""
+    between = [end + 32 * round(first * (reach - end) / 32)] if reach - end > _FROM_TWO_STRIPS else []
+    return pairwise([end, *between, reach])
+
+
+def _divide(band: FloatArray, start: int, end: int, first: int, last: int) -> None:
+    """Replace the rows of a panel from `first` on to that before `last` by their product with L^-T of its diagonal."""
+    stride = _number(band.shape[1] - 1)
+    _SOLVE_FULL(
+        _RIGHT, _LOWER, _TRANSPOSED, _NOT, _number(last - first), _number(end - start), _ONE,
+        _part(band, start, start), stride, _part(band, first, start), stride,
+    )  # fmt: skip
 
 
 def _subtract_square(band: FloatArray, start: int, end: int, reach: int, first: int, last: int) -> None:
     """Subtract the product of a panel from the columns from `first` on to that before `last`."""
     stride, count, columns = _number(band.shape[1] - 1), _number(end - start), _number(last - first)
     own = _part(band, first, start)
-    _call(
-        _SUBTRACT_SQUARE, _letter("L"), _letter("N"), columns, count, _MINUS_ONE, own, stride, _ONE,
-        _part(band, first, first), stride,
+    _SUBTRACT_SQUARE(
+        _LOWER, _NOT, columns, count, _MINUS_ONE, own, stride, _ONE, _part(band, first, first), stride
     )  # fmt: skip
     if reach > last:
-        _call(
-            _MULTIPLY, _letter("N"), _letter("T"), _number(reach - last), columns, count, _MINUS_ONE,
-            _part(band, last, start), stride, own, stride, _ONE, _part(band, last, first), stride,
+        _MULTIPLY(
+            _NOT, _TRANSPOSED, _number(reach - last), columns, count, _MINUS_ONE, _part(band, last, start), stride,
+            own, stride, _ONE, _part(band, last, first), stride,
         )  # fmt: skip
 
 
 def solve_panel(band: FloatArray, start: int, end: int, reach: int, vectors: FloatArray) -> None:
     """Replace the panel's part of vectors (k, n) by that of L^-1 of them, and subtract what it takes off the rest."""
-    _solve_in_panel(band, start, end, vectors, "N")
-    if reach > end and vectors.size:
-        stride, size = _number(band.shape[1] - 1), _number(vectors.shape[1])
-        _call(
-            _MULTIPLY, _letter("N"), _letter("N"), _number(reach - end), _number(len(vectors)), _number(end - start),
-            _MINUS_ONE, _part(band, end, start), stride, vectors[0, start:], size, _ONE, vectors[0, end:], size,
-        )  # fmt: skip
+    _solve_in_panel(band, start, end, vectors, _NOT)
+    if reach > end:
+        _subtract_product(band, Panel(start, end, reach), vectors, _NOT)
 
 
 def transposed_solve_panel(band: FloatArray, start: int, end: int, reach: int, vectors: FloatArray) -> None:
     """Replace the panel's part of vectors (k, n) by that of L^-T of them; that of the rows after it has been."""
-    if reach > end and vectors.size:
-        stride, size = _number(band.shape[1] - 1), _number(vectors.shape[1])
-        _call(
-            _MULTIPLY, _letter("T"), _letter("N"), _number(end - start), _number(len(vectors)), _number(reach - end),
-            _MINUS_ONE, _part(band, end, start), stride, vectors[0, end:], size, _ONE, vectors[0, start:], size,
+    if reach > end:
+        _subtract_product(band, Panel(start, end, reach), vectors, _TRANSPOSED)
+    _solve_in_panel(band, start, end, vectors, _TRANSPOSED)
+
+
+def _subtract_product(band: FloatArray, panel: Panel, vectors: FloatArray, trans: _Pointer) -> None:
+    """Subtract the rows of a panel below its diagonal, times its part of vectors (k, n), from the part of the rows.
+
+    Transposed: the other way round.
+    """
+    if not vectors.size:
+        return
+    start, end, reach = panel
+    stride, below = _number(band.shape[1] - 1), _part(band, end, start)
+    source, target = (start, end) if trans is _NOT else (end, start)
+    if len(vectors) == 1:  # a product of matrices would first copy the panel
+        _MULTIPLY_VECTOR(
+            trans, _number(reach - end), _number(end - start), _MINUS_ONE, below, stride, _element(vectors, source),
+            _STEP, _ONE, _element(vectors, target), _STEP,
         )  # fmt: skip
-    _solve_in_panel(band, start, end, vectors, "T")
+        return
+    rows, columns = (reach - end, end - start) if trans is _NOT else (end - start, reach - end)
+    size = _number(vectors.shape[1])
+    _MULTIPLY(
+        trans, _NOT, _number(rows), _number(len(vectors)), _number(columns), _MINUS_ONE, below, stride,
+        _element(vectors, source), size, _ONE, _element(vectors, target), size,
+    )  # fmt: skip
 
 
 def symmetric_times(band: FloatArray, start: int, factor: FloatArray) -> FloatArray:
@@ -177,42 +226,25 @@ def symmetric_times(band: FloatArray, start: int, factor: FloatArray) -> FloatAr
     result = np.zeros(factor.shape[::-1])
     if factor.size:
         size, columns = factor.shape
-        _call(
-            _MULTIPLY_SYMMETRIC, _letter("L"), _letter("L"), _number(size), _number(columns), _ONE,
-            _part(band, start, start), _number(band.shape[1] - 1), np.ascontiguousarray(factor.T), _number(size), _ZERO,
-            result, _number(size),
+        _MULTIPLY_SYMMETRIC(
+            _LOWER, _LOWER, _number(size), _number(columns), _ONE, _part(band, start, start),
+            _number(band.shape[1] - 1), _element(np.array(factor.T, order="C")), _number(size), _ZERO,
+            _element(result), _number(size),
         )  # fmt: skip
     return result.T
 
 
-def _solve_in_panel(band: FloatArray, start: int, end: int, vectors: FloatArray, trans: str) -> None:
-    if vectors.size:
-        _call(
-            _SOLVE_FULL, _letter("L"), _letter("L"), _letter(trans), _letter("N"), _number(end - start),
-            _number(len(vectors)), _ONE, _part(band, start, start), _number(band.shape[1] - 1), vectors[0, start:],
-            _number(vectors.shape[1]),
-        )  # fmt: skip
-
-
-_ZERO, _ONE, _MINUS_ONE = np.array(0.0), np.array(1.0), np.array(-1.0)
-
-
-def _part(band: FloatArray, row: int, column: int) -> FloatArray:
-    """Return what a routine takes as the part of a band from an element (row, column) on."""
-    return band.reshape(-1)[column * (band.shape[1] - 1) + row :]
-
-
-def _number(value: int) -> NDArray[Any]:
-    return np.array(value, dtype=_INTEGER)
-
-
-def _letter(value: str) -> NDArray[Any]:
-    return np.array(value.encode())
-
-
-def _call(routine: Callable[..., None], *arguments: NDArray[Any]) -> None:
-    assert all(array.flags.c_contiguous for array in arguments), "a routine of LAPACK takes whole arrays"
-    routine(*(array.ctypes.data for array in arguments))
+def _solve_in_panel(band: FloatArray, start: int, end: int, vectors: FloatArray, trans: _Pointer) -> None:
+    if not vectors.size:
+        return
+    size, diagonal, stride = _number(end - start), _part(band, start, start), _number(band.shape[1] - 1)
+    if len(vectors) == 1:
+        _SOLVE_VECTOR(_LOWER, trans, _NOT, size, diagonal, stride, _element(vectors, start), _STEP)
+        return
+    _SOLVE_FULL(
+        _LOWER, _LOWER, trans, _NOT, size, _number(len(vectors)), _ONE, diagonal, stride, _element(vectors, start),
+        _number(vectors.shape[1]),
+    )  # fmt: skip
 
 
 # Elimination fills no column beyond the last place that it, or one before it, is coupled with (Jennings 1966). Columns

@@ -178,6 +178,8 @@ def _chained(image: Perspective, residuals: ImageResiduals) -> FloatArray:
 def observe_photo_points(block: Block, unknowns: Unknowns) -> PhotoPointObservations:
     """Return the photo points of a block as observations."""
     points = block.photo_points
+    # the compiled loop goes through whole arrays, and would copy a part of a table each time
+    xy = np.ascontiguousarray(points.xy)
     camera = set_aside(block.photo_camera[points.photo])
     sets = tuple(
         (row, record.additional_set, base_of_camera(record))
@@ -189,7 +191,7 @@ def observe_photo_points(block: Block, unknowns: Unknowns) -> PhotoPointObservat
         photo=_twice(CodedNames([photo.name for photo in block.photos], points.photo)),
         point=_twice(names_of_photo_points(block)),
         component=CodedNames(("x", "y"), set_aside(np.tile(np.arange(2, dtype=np.uint8), len(points.photo)))),
-        observed=points.xy.ravel(),
+        observed=xy.ravel(),
         error=points.error.ravel(),
         used=points.used.ravel(),
         columns=None,
@@ -197,7 +199,7 @@ def observe_photo_points(block: Block, unknowns: Unknowns) -> PhotoPointObservat
     at_measured = np.array([record.distortion_at == "measured" for record in block.cameras], dtype=bool)
     is_equidistant = np.array([record.projection == "equidistant" for record in block.cameras], dtype=bool)
     return PhotoPointObservations(
-        rows, points.photo, points.point, camera, points.xy, set_aside(at_measured[camera]),
+        rows, points.photo, points.point, camera, xy, set_aside(at_measured[camera]),
         set_aside(is_equidistant[camera]), sets, unknowns, readout_a_mm(block),
     )  # fmt: skip
 

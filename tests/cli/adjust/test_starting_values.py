@@ -107,6 +107,12 @@ def test_photos_that_cannot_be_oriented_are_named_before_anything_else_is_found(
 # given values that lead astray
 
 
+@pytest.fixture(scope="module")
+def from_nothing(tmp_path_factory: pytest.TempPathFactory) -> dict:
+    folder = strips_project(NOISE_MM).write(tmp_path_factory.mktemp("from nothing") / "strips")
+    return orip(folder, "run", "--json", "--no-report").document
+
+
 def given(project: StripsProject, turned: dict[str, tuple[float, float, float]]) -> None:
     for name, values in project.true_orientations.items():
         changed = [*values[:3], *np.add(values[3:], turned.get(name, (0.0, 0.0, 0.0))).tolist()]
@@ -126,23 +132,21 @@ def given(project: StripsProject, turned: dict[str, tuple[float, float, float]])
     ids=["one kappa", "all upside down"],
 )
 def test_wrong_given_orientations_are_told_and_do_not_change_the_result(
-    tmp_path: Path, turned: dict[str, tuple[float, float, float]], told: str
+    tmp_path: Path, from_nothing: dict, turned: dict[str, tuple[float, float, float]], told: str
 ) -> None:
     project = strips_project(NOISE_MM)
-    expected = orip(project.write(tmp_path / "nothing"), "run", "--json", "--no-report").document
     given(project, turned)
     said = orip(project.write(tmp_path / "given"), "run", "--json", "--no-report")
     assert said.code == 0
     assert any(re.match(told, warning) for warning in warnings_of(said.err))
-    assert said.document["sigma0"] == pytest.approx(expected["sigma0"], rel=1e-6)
+    assert said.document["sigma0"] == pytest.approx(from_nothing["sigma0"], rel=1e-6)
     found, sd = elements(said.document, "P2")
-    assert np.abs((found - elements(expected, "P2")[0]) / sd).max() < FAR_BELOW_SD
+    assert np.abs((found - elements(from_nothing, "P2")[0]) / sd).max() < FAR_BELOW_SD
 
 
 def test_a_solution_that_was_wrong_is_no_better_start_than_own_values_once_its_blunders_are_corrected(
-    tmp_path: Path,
+    tmp_path: Path, from_nothing: dict
 ) -> None:
-    expected = orip(strips_project(NOISE_MM).write(tmp_path / "right"), "run", "--json", "--no-report").document
     wrong, random = strips_project(NOISE_MM), np.random.default_rng(1)
     for photo in ("P2", "P5", "P3"):
         for point, xy in list(wrong.images[photo].items())[::2]:
@@ -152,9 +156,9 @@ def test_a_solution_that_was_wrong_is_no_better_start_than_own_values_once_its_b
     assert [orip(folder, "update", what).code for what in ("photos", "points")] == [0, 0]
     strips_project(NOISE_MM).write(folder)
     said = orip(folder, "run", "--json", "--no-report")
-    assert said.document["sigma0"] == pytest.approx(expected["sigma0"], rel=1e-6)
-    for photo in expected["photos"]:
-        (found, sd), (right, _) = elements(said.document, photo), elements(expected, photo)
+    assert said.document["sigma0"] == pytest.approx(from_nothing["sigma0"], rel=1e-6)
+    for photo in from_nothing["photos"]:
+        (found, sd), (right, _) = elements(said.document, photo), elements(from_nothing, photo)
         assert np.abs((found - right) / sd).max() < FAR_BELOW_SD, photo
 
 
