@@ -78,7 +78,9 @@ demo: $(RUNS)
 	@[ '$(SAMPLE)' = '$(SECOND_SAMPLE)' ] || { echo; \
 	  echo 'Next: make SAMPLE=$(SECOND_SAMPLE) demo     real photos with control points that are wrong, which orip names'; }
 
+# two workers have two processors: threads of OpenBLAS would wait for each other
 .PHONY: test
+test: export OPENBLAS_NUM_THREADS := 1
 test: $(READY)
 	$(BIN)/python -m pytest -q -n 2 --dist worksteal $(PYTEST_ARGS)
 

@@ -37,7 +37,7 @@ def available_threads() -> int:
     if limit is None:
         given = os.environ.get(VARIABLE, "").partition(",")[0].strip()
         limit = int(given) if given.isdecimal() else 0
-    return min(limit or _processors(), MOST_THREADS)
+    return min(limit or processors(), MOST_THREADS)
 
 
 @contextmanager
@@ -170,6 +170,6 @@ class _Helper(Thread, Generic[T]):
         return self._found[0]
 
 
-def _processors() -> int:
+def processors() -> int:
     """Return the number of processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -13,6 +13,10 @@ import numpy as np
 import pytest
 from monte_carlo.rig_study import PLANTED, errors_of, is_right_from_nothing, is_right_without_common_view, named
 from monte_carlo.simulated_blocks import in_parallel
+from support.rig_blocks import rig_block
+
+from orip.solving.solve import solve
+from orip.structs import replace
 
 LOG = logging.getLogger(__name__)
 
@@ -65,6 +69,18 @@ def test_planted_mistakes_of_rigs_are_named(what: str) -> None:
 def test_a_wrong_mounting_is_named_where_another_one_is_little_known() -> None:
     """Against the second camera alone the third one would not be significantly off."""
     assert named("mounting", 41) == (True, [])
+
+
+@pytest.mark.parametrize("head", ["three", "penta"])
+def test_a_constant_mounting_that_is_wrong_is_what_the_first_sentence_says(head: str) -> None:
+    block = rig_block(head, "constant", mounting_error=(1e-4, 1e-4), planted={"mounting": (0.3, -0.2, 0.2)}).block
+    (rig,) = block.rigs.rigs
+    held = tuple(replace(one, offset_error=None, rotation_error=None) for one in rig.cameras)
+    rigs = replace(block.rigs, rigs=(replace(rig, cameras=held),))
+    solution, _ = solve(replace(block, rigs=rigs))
+    camera = f"camera {block.cameras[-1].name}"
+    assert [(code, where) for code, where, _ in solution.warnings] == [("mounting", camera)]
+    assert f"see the warning about {camera}" in solution.verdict
 
 
 @pytest.mark.long

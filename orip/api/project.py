@@ -31,7 +31,7 @@ from orip.workflow.observations.measure import MEASURED_FROM, measure
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Change, carry_out, commit
 from orip.workflow.project.run_id import Step
-from orip.workflow.project.state import Part, ProjectState, StoredParts, read_checked_project
+from orip.workflow.project.state import Part, ProjectState, StoredParts, read_project
 from orip.workflow.project.texts import raise_complaints
 from orip.workflow.records.initialise import INITIALISED_FROM, initialise
 from orip.workflow.status import STATUS_FROM, project_status
@@ -60,7 +60,7 @@ def open_project(folder: str | PathLike[str]) -> Project:
     LockedError
         If another run holds the project for too long.
     """
-    state = read_checked_project(Path(folder), *_READ)
+    state = read_project(Path(folder), *_READ, checked=True)
     raise_complaints(state.texts.faults().complaints)
     return Project(state)
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from msgspec import Struct, field
 
-from orip.archive.cluster.connection import connected, cores, lost_cluster, require_dask, require_fit_workers
+from orip.archive.cluster.connection import connected, lost_cluster, require_dask, require_fit_workers
 from orip.archive.results import Collected, collect
 from orip.archive.run_files import ArchivePlan, ResultsFolder, write_plan
 from orip.archive.status import Progress
@@ -28,6 +28,7 @@ from orip.files.project.toml_lines import toml_document
 from orip.files.text.atomic import reporting_failure
 from orip.files.text.own_files import locked, make_file, make_named_folder
 from orip.files.text.regular_file import regular_bytes
+from orip.threads import processors
 from orip.version import __version__
 from orip.workflow.project.folder import PROJECT_FILE
 
@@ -213,7 +214,7 @@ def run_archive(request: ArchiveRequest, watcher: ArchiveWatcher) -> ArchiveRun:
     require_dask()
     base, projects = find_projects(request.roots, request.results)
     results = ResultsFolder(request.results.resolve())
-    workers = request.workers or cores() + math.ceil(cores() / _CORES_A_FURTHER_WORKER)
+    workers = request.workers or processors() + math.ceil(processors() / _CORES_A_FURTHER_WORKER)
     with _alone(results), connected(request.scheduler, workers) as client:
         require_fit_workers(client, results.lock, forking=True)
         names = tuple(project.name for project in projects)

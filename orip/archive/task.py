@@ -27,8 +27,8 @@ from orip.wording import counted
 from orip.workflow.adjust.report import REPORTED_FROM, report_of
 from orip.workflow.adjust.solve import SolveOutcome
 from orip.workflow.project.commit import commit
-from orip.workflow.project.folder import PROJECT_FILE, open_project
-from orip.workflow.project.state import ProjectState, read_checked_project, read_project
+from orip.workflow.project.folder import PROJECT_FILE
+from orip.workflow.project.state import ProjectState, read_project
 from orip.workflow.project.texts import control_input_digests, measurement_files
 from orip.workflow.records.initialise import INITIALISED_FROM
 from orip.workflow.run import RunSettings, RunWatcher, run
@@ -226,7 +226,7 @@ def first_line(error: OripError) -> str:
 
 def _adjusted(task: ProjectTask) -> Tables:
     folder, settings = Path(task.folder), task.settings
-    state = read_checked_project(folder, *INITIALISED_FROM)
+    state = read_project(folder, *INITIALISED_FROM, checked=True)
     outcomes = run(state, None, _SILENT, RunSettings(None, settings.method, settings.gates))
     if settings.report and outcomes:
         state = state.read_again(*REPORTED_FROM)
@@ -269,7 +269,7 @@ def _digest_of_texts(folder: Path) -> str:
     with suppress(OSError):
         digests.append((PROJECT_FILE, file_digest(folder / PROJECT_FILE)))
     with suppress(OripError, OSError):
-        project = open_project(folder)
+        project = read_project(folder).project
         digests += ((project.shown(path), file_digest(path)) for path in measurement_files(project).value)
         for bundle in project.bundle_names:
             digests += control_input_digests(project, bundle)

@@ -20,6 +20,7 @@ from orip.bundle.state import BlockState
 from orip.bundle.undetermined_unknowns import (
     agrees_with_held,
     loose_calibration,
+    undetermined_with_removed,
     with_calibration_held,
     with_undetermined_held,
 )
@@ -38,11 +39,21 @@ _CREEPING_STEPS, _NEAR = 10, 2.0
 
 
 class SolvedBlock(Adjustment[BlockState], frozen=True):
-    """The adjustment of a block, with the precision of all unknowns."""
+    """The adjustment of a block, with the precision of all unknowns.
+
+    Parameters
+    ----------
+    problem : BlockProblem
+    cofactors : Cofactors
+    variance : VarianceOfUnitWeight
+    undetermined : array (m + 3 b,) of bool
+        Unknowns that were removed, and those that move with them.
+    """
 
     problem: BlockProblem
     cofactors: Cofactors
     variance: VarianceOfUnitWeight
+    undetermined: BoolArray
 
     @property
     def block(self) -> Block:
@@ -226,11 +237,12 @@ def _with_precision(problem: BlockProblem, found: Adjustment[BlockState]) -> Sol
         raise NotSolvableError(message)
     with stage("precision"):
         precision = cofactors(equations, normals, problem.inner_constraints(found.state))
+        undetermined = undetermined_with_removed(problem, equations, found.weight_factors, normals, precision)
     effective = problem.layout.unknowns - int(np.count_nonzero(normals.removed))
     variance = variance_of_unit_weight(equations, found.weight_factors, precision.leverage, effective)
     return SolvedBlock(
         found.state, equations, found.weight_factors, normals, found.linearised_at, found.iterations, found.reason,
-        found.weighing, problem, precision, variance,
+        found.weighing, problem, precision, variance, undetermined,
     )  # fmt: skip
 
 

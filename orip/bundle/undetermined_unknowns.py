@@ -13,9 +13,11 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from orip.adjustment.convergence import TerminationReason
+from orip.adjustment.equations import Equations
 from orip.adjustment.iteration import Adjustment, adjust
 from orip.adjustment.iteration_state import IterationRecord, IterationSettings
 from orip.adjustment.normals import SolvedNormals, solve_normals
+from orip.adjustment.precision import Cofactors
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.problem import BlockProblem
 from orip.bundle.state import BlockState
@@ -94,6 +96,44 @@ def with_undetermined_held(
     if again.reason is not TerminationReason.CONVERGED or again.robust_cost > found.robust_cost + _CONTRADICTING:
         return replace(found, iterations=iterations)
     return replace(again, normals=_with_removed_unknowns(again.normals, of_angles.normals), iterations=iterations)
+
+
+_PLACED = {"PHOTO", "POINT", "EXPOSURE"}
+"""Groups whose unknowns, where they are removed, have values that say nothing; a given parameter is one to be held."""
+
+
+def undetermined_with_removed(
+    problem: BlockProblem,
+    equations: Equations,
+    weight_factors: FloatArray,
+    normals: SolvedNormals,
+    precision: Cofactors,
+) -> BoolArray:
+    """Return which unknowns (m + 3 b,) are removed, or belong to a part that moves with a removed place or rotation.
+
+    What is removed has, at best, a standard deviation of 10^(max_lost_digits / 2) along its movement, in the unit in
+    which the diagonal of N is 1. An unknown moves with it if its part of that is above its own standard deviation.
+    Where all photos move, it is the system of the block that is free: what is held in it defines it.
+    """
+    removed, size, unknowns = normals.removed, len(normals.scale), problem.unknowns
+    columns = [
+        column
+        for column in np.flatnonzero(removed[:size]).tolist()
+        if (name := unknowns.names[column]) is not None and name.group in _PLACED
+    ]
+    if not columns or problem.datum is not None:
+        return removed
+    design = equations.design
+    weights = np.where(equations.active, weight_factors, 0.0)
+    moved = normals.solve(-(design.T @ (weights[:, None] * design[:, columns].toarray())))
+    length = normals.scale[columns] ** 2 + ((moved[:size] * normals.scale[:, None]) ** 2).sum(axis=0)
+    variances = np.concatenate([precision.reduced.diagonal(), np.einsum("nii->ni", precision.blocks).ravel()])
+    most = 10.0**-problem.block.definition.max_lost_digits
+    moves = moved**2 > most * length * variances[:, None]
+    moves[columns] = True
+    of_photos = unknowns.photos[(unknowns.photos != CONSTANT).any(axis=1)]
+    of_block = (moves[of_photos] & (of_photos != CONSTANT)[:, :, None]).any(axis=1).all(axis=0)
+    return np.asarray(removed | moves[:, ~of_block].any(axis=1))
 
 
 def loose_calibration(

@@ -287,10 +287,10 @@ def register(app: typer.Typer) -> None:
             _make(invocation, name, user, folder, prefer)
             return
         from orip.workflow.project.commit import carry_out
-        from orip.workflow.project.state import read_checked_project
+        from orip.workflow.project.state import read_project
         from orip.workflow.records.initialise import INITIALISED_FROM, initialise
 
-        state = read_checked_project(invocation.folder, *INITIALISED_FROM)
+        state = read_project(invocation.folder, *INITIALISED_FROM, checked=True)
         outcome = carry_out(state, partial(initialise, prefer=prefer)).outcome
         tell(invocation.terminal, outcome)
         if invocation.terminal.json:

@@ -312,11 +312,10 @@ def _register_measure(app: typer.Typer) -> None:
         from orip.workflow.observations.measure import MEASURED_FROM, MEASURED_ON_TOP, measure, measure_on_top
         from orip.workflow.project.commit import commit
         from orip.workflow.project.state import read_project
-        from orip.workflow.project.texts import read_log
 
         if files:
             state = read_project(invocation.folder, *MEASURED_ON_TOP)
-            change = measure_on_top(state, read_log(state.project, [state.project.folder / path for path in files]))
+            change = measure_on_top(state, [state.project.folder / path for path in files])
         else:
             change = measure(read_project(invocation.folder, *MEASURED_FROM))
         measured = commit(change)

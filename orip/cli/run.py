@@ -74,7 +74,7 @@ def run_project(
     from orip.files.result.json_text import result_document, result_text
     from orip.workflow.adjust.report import REPORTED_FROM, report_of
     from orip.workflow.project.commit import commit
-    from orip.workflow.project.state import read_checked_project
+    from orip.workflow.project.state import read_project
     from orip.workflow.records.initialise import INITIALISED_FROM
     from orip.workflow.run import EVERYTHING, RunWatcher, run
 
@@ -87,7 +87,7 @@ def run_project(
         processed=partial(_tell_processed, terminal),
     )
     with limited_threads(terminal.threads):
-        state = read_checked_project(folder, *INITIALISED_FROM)
+        state = read_project(folder, *INITIALISED_FROM, checked=True)
         outcomes = run(state, prefer, watcher, settings or EVERYTHING)
     if shown != "no report" and outcomes:
         state = state.read_again(*REPORTED_FROM)

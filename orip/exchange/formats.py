@@ -345,17 +345,6 @@ def format_named(name: str, known: Sequence[Format] = FORMATS) -> Format:
     raise UsageError(message)
 
 
-def guessed_format(path: Path) -> Format:
-    """Return the format that a file or folder probably has.
-
-    Raises
-    ------
-    UsageError
-        If it looks like none, or like several.
-    """
-    return guessed_source(path)[0]
-
-
 def guessed_source(path: Path) -> tuple[Format, Path]:
     """Return the format that a file or folder probably has, and what is to be read.
 

@@ -21,7 +21,8 @@ from orip.geometry.rotation import (
     rotation_vectors_with_partials,
 )
 from orip.mistakes.hypothesis import Fit, Readjuster, fit_of_adjustment, is_good
-from orip.records.observation_kinds import MOUNTING, PHOTO_POINT
+from orip.records.observation_kinds import MOUNTING as OBSERVED_MOUNTING
+from orip.records.observation_kinds import PHOTO_POINT
 from orip.records.rig import Mounting, Rig, Rigs
 from orip.structs import replace
 from orip.units import DEGREES_PER_RADIAN, RADIANS_PER_DEGREE
@@ -30,6 +31,9 @@ from orip.wording import joined
 if TYPE_CHECKING:
     from orip.bundle.rigs.starting import RigState
     from orip.bundle.solve import SolvedBlock
+
+MOUNTING, EXCHANGED_CAMERAS = "mounting", "exchanged-cameras"
+"""Codes of warnings of a rig that is not as it is said to be."""
 
 _SHARE = 0.15
 """Part of the rays of a photo that do not fit where its rig is looked at."""
@@ -87,7 +91,9 @@ def _is_doubtful(given: Fit) -> bool:
     rays = kind.where(PHOTO_POINT.name.__eq__)
     count = np.bincount(photo.codes[rays], minlength=len(photo.distinct))
     wrong = np.bincount(photo.codes[rays & off], minlength=len(photo.distinct))
-    return bool((wrong > _SHARE * count).any() or off[kind.where(MOUNTING.name.__eq__)].any() or not is_good(given))
+    return bool(
+        (wrong > _SHARE * count).any() or off[kind.where(OBSERVED_MOUNTING.name.__eq__)].any() or not is_good(given)
+    )
 
 
 def _wrong_mountings(alone: SolvedBlock, given: Rigs) -> Iterator[ProjectWarning]:
@@ -129,7 +135,7 @@ def _compared(
                 f"cameras {names[one]} and {names[other]} of rig {rig} are exchanged: each is mounted where the other "
                 "one is said to be; exchange their names in the [[rig]], or the cameras of their photos"
             )
-            yield ProjectWarning("exchanged-cameras", f"rig {rig}", text)
+            yield ProjectWarning(EXCHANGED_CAMERAS, f"rig {rig}", text)
             return
     for row, (shift, turn) in off.items():
         text = (
@@ -137,7 +143,7 @@ def _compared(
             f"{np.linalg.norm(shift):.2g} {unit} off from what [[rig]] {rig} says; correct it there, or leave offset "
             "and rotation out: they are then adjusted"
         )
-        yield ProjectWarning("mounting", f"camera {names[row]}", text)
+        yield ProjectWarning(MOUNTING, f"camera {names[row]}", text)
 
 
 def _other_instants(alone: SolvedBlock, given: Rigs) -> Iterator[ProjectWarning]:
@@ -184,8 +190,8 @@ def _mean_covariance(state: RigState, covariances: FloatArray, camera: int) -> F
     rows = np.flatnonzero(state.mounted == camera)
     turns = np.zeros((len(rows), 6, 6))
     turns[:, :3, :3] = turns[:, 3:, 3:] = np.swapaxes(state.rotations[state.exposure[rows]], 1, 2)
-    # medians have half as large a variance again as means
-    return np.asarray(1.5 * (turns @ covariances[rows] @ np.swapaxes(turns, 1, 2)).mean(axis=0) / len(rows))
+    # as of one photo: what a lens takes up displaces all photos of the camera alike
+    return np.asarray((turns @ covariances[rows] @ np.swapaxes(turns, 1, 2)).mean(axis=0))
 
 
 def _off(said: dict[int, _Pose], found: _Found) -> dict[int, tuple[FloatArray, FloatArray]]:

@@ -32,9 +32,9 @@ from orip.records.results.solution import Solution
 from orip.workflow.observations.films import mounted_films
 from orip.workflow.project.bundle_state import BundleState, read_bundle
 from orip.workflow.project.commit import commit
-from orip.workflow.project.folder import PROJECT_FILE, ProjectFolder, open_project
+from orip.workflow.project.folder import PROJECT_FILE, ProjectFolder
 from orip.workflow.project.run_id import Step
-from orip.workflow.project.state import ProjectState, read_state
+from orip.workflow.project.state import ProjectState, read_project
 from orip.workflow.project.texts import EDITS_FILE
 
 # A template that was mounted again, a photo whose marks were measured again or an adjustment changes where every point
@@ -274,7 +274,7 @@ def stale_table_warnings(folder: Path, bundle: str | None, link: PlateProcessorL
     loaded = loaded_digest(link)
     if loaded is None or not (folder / PROJECT_FILE).exists():
         return ()
-    bundles = open_project(folder).bundle_names if bundle is None else (bundle,)
+    bundles = read_project(folder).bundles if bundle is None else (bundle,)
     return table_warnings(folder, bundles, loaded, f"at {link.url}")
 
 
@@ -282,12 +282,12 @@ def _object_system(folder: Path, bundle: str | None, link: PlateProcessorLink) -
     """Return the system of the project's drive table; outside a project coordinates are used as they are."""
     if not (folder / PROJECT_FILE).exists():
         return PLAIN
-    project = open_project(folder)
-    crs = project.definition.crs
+    state = read_project(folder)
+    project, crs = state.project, state.project.definition.crs
     if crs is None or link.greeting.state == "EMPTY":
         return PLAIN
     name = project.bundle_name(bundle)
-    solution = read_state(project, {"solutions"}, [name]).solution(name)
+    solution = state.read_again("solutions", bundles=[name]).solution(name)
     if solution is not None:
         ground = object_ground(crs, solution.ground_unit, solution)
         if _is_loaded(project, name, link) and _is_in_system(project, name, solution, ground):
@@ -351,8 +351,8 @@ def open_watch(folder: Path, bundle: str | None, link: str | None) -> Watch:
 
 def watch_warnings(folder: Path, bundle: str | None, link: str | None) -> tuple[ProjectWarning, ...]:
     """Return a warning where the table that is shown is older than the last adjustment or mounting."""
-    project = open_project(folder)
-    name = project.bundle_name(bundle)
+    state = read_bundle(folder, bundle)
+    project, name = state.project, state.name
     path = project.drive_table(name)
     command = "table" if link is None else "download"
     remedy = f"run 'orip measure' and 'orip drive {command}'"

@@ -113,11 +113,6 @@ def simplon_like_session(blunders: int, seed: int = 1) -> SimulatedSession:
     return _with_blunders(design, _first_seven_elements(design, random), measured, blunders, random)
 
 
-def echallens_like_session(blunders: int, seed: int = 1) -> SimulatedSession:
-    """Return a session of 7 strips of 7 photos and 231 points: three at each place."""
-    return simulated_session(7, 7, blunders, seed, points_a_place=3)
-
-
 def _places(strips: int, photos: int) -> list[tuple[int, int]]:
     """Return the places: below each photo, and one base beyond the photos on every side, where two or more look at."""
     return [

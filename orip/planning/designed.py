@@ -33,7 +33,7 @@ from orip.records.definition import BundleDefinition
 from orip.records.names import record_key
 from orip.records.plan import PlanSettings
 from orip.structs import replace
-from orip.workflow.project.state import ProjectState, read_checked_project
+from orip.workflow.project.state import ProjectState, read_project
 from orip.workflow.project.texts import raise_complaints
 
 
@@ -170,7 +170,7 @@ def given_plan(state: ProjectState, bundle: str | None) -> Given:
 
 def read_plan(folder: Path, bundle: str | None) -> Given:
     """Read what the plan of a project folder is made from; see `given_plan`."""
-    return given_plan(read_checked_project(folder), bundle)
+    return given_plan(read_project(folder, checked=True), bundle)
 
 
 def camera_of(cameras: Sequence[Camera], name: str) -> Camera:

@@ -28,6 +28,7 @@ from orip.bundle.results.reliability import reliability_of
 from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.starting_state import starting_state
+from orip.bundle.undetermined_unknowns import undetermined_with_removed
 from orip.bundle.unknowns import number_unknowns
 from orip.errors import InputError, NotSolvableError
 from orip.planning.geometry import Terrain
@@ -265,6 +266,7 @@ def forecast(block: Block) -> Forecast:
         normals = solve_normals(equations, weights, problem.layout, block.definition.max_lost_digits)
         normals = normals.with_constraints(equations)
         precision = cofactors(equations, normals, problem.inner_constraints(state))
+        undetermined = undetermined_with_removed(problem, equations, weights, normals, precision)
     removed = int(np.count_nonzero(normals.removed))
     found = variance_of_unit_weight(equations, weights, precision.leverage, problem.layout.unknowns - removed)
     variance = VarianceOfUnitWeight(1.0, 1.0, found.redundancy, found.redundancy_used, found.redundancy_numbers)
@@ -272,7 +274,7 @@ def forecast(block: Block) -> Forecast:
     weighing = weighing_from(block.definition.max_standard_residual, None, early=False)
     solved = SolvedBlock(
         state, equations, weights, normals, state, (record,), TerminationReason.CONVERGED, weighing, problem,
-        precision, variance,
+        precision, variance, undetermined,
     )  # fmt: skip
     kept = (one for one in diagnose(solved) if not (one.code == "not-significant" and "not significant" in one.text))
     return Forecast(solution_of(solved), solved, tuple(kept))

@@ -12,14 +12,12 @@ from orip.geometry.rotation import rotation_from_angles
 from orip.planning.forecast import Forecast
 from orip.planning.geometry import Frame, Terrain, footprint
 from orip.records.control import Station
-from orip.report.drawings.block_plan import photos_over
+from orip.report.drawings.block_plan import MOST_OVERLAP, overlap_cells
 from orip.report.drawings.labels import MapPlane, map_plane
 from orip.report.drawings.svg import ChartFrame, Curve, drawing, element, line_chart, number
 from orip.report.templates import template_source
 
 _CELLS = 110
-_MOST = 9
-"""Photos from which places are drawn alike."""
 
 _STYLE = """
 .plan-path{fill:none;stroke:#37527a;stroke-width:1.2}.plan-photo{fill:#37527a}
@@ -116,21 +114,10 @@ def _map(
 
 
 def _overlap(plane: MapPlane, feet: FloatArray, names: Sequence[str]) -> str:
-    step = max(plane.width, plane.height) / plane.scale / _CELLS
-    columns, rows = (int(np.ceil(size / plane.scale / step)) for size in (plane.width, plane.height))
-    x, y = np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5)
-    centres = plane.low + step * np.column_stack([x.ravel(), y.ravel()])
-    count = np.minimum(photos_over(centres, feet), _MOST)
-    side = step * plane.scale
-    drawn = []
-    for photos in range(1, _MOST + 1):
-        corners = (plane.place(centres[count == photos]) - side / 2.0).tolist()
-        square = f"h{number(side)}v{number(side)}h{number(-side)}z"
-        path = "".join(f"M{number(a)} {number(b)}{square}" for a, b in corners)
-        drawn += [element("path", d=path, class_="overlap", style=f"--n:{photos}")] if path else []
+    drawn = overlap_cells(plane, feet, _CELLS)
     swatches = "".join(
-        f'<span><i class="swatch" style="--n:{photos}"></i>{photos}{" and more" if photos == _MOST else ""}</span>'
-        for photos in range(1, _MOST + 1)
+        f'<span><i class="swatch" style="--n:{photos}"></i>{photos}{" and more" * (photos == MOST_OVERLAP)}</span>'
+        for photos in range(1, MOST_OVERLAP + 1)
     )
     shown = drawing(*plane.size, "Map of the overlap", [plane.clipped(drawn), *plane.axes(names)], "map")
     return f'{shown}<div class="key" aria-hidden="true">{swatches}</div>'

@@ -146,8 +146,8 @@ def export_command(
     Example: orip restitute export geopackage map.gpkg
     """
     from orip.restitution.drawings import FORMATS
-    from orip.workflow.project.folder import open_project
     from orip.workflow.project.outputs import TextOutput, require_replaceable, write_output
+    from orip.workflow.project.state import read_project
 
     if form not in FORMATS:
         message = f"{form} is no format; write one of {', '.join(FORMATS)}"
@@ -156,7 +156,7 @@ def export_command(
     if not features:
         message = "there are no such features; 'orip restitute compute' makes some, 'orip restitute show' lists them"
         raise UsageError(message)
-    project = open_project(invocation.folder)
+    project = read_project(invocation.folder).project
     path = project.folder / file
     data = FORMATS[form](features, project.definition.name, project.definition.crs)
     require_replaceable(project, path, force=force)
@@ -174,9 +174,9 @@ def export_command(
 def _features(folder: Path, code: str | None) -> tuple[tuple[Feature, ...], str]:
     from orip.records.names import record_key
     from orip.restitution.restitute import read_geo
-    from orip.workflow.project.folder import open_project
+    from orip.workflow.project.state import read_project
 
-    project = open_project(folder)
+    project = read_project(folder).project
     wanted = None if code is None else record_key(code)
     found = tuple(one for one in read_geo(project) if wanted is None or record_key(one.code) == wanted)
     return found, project.definition.ground_unit

@@ -17,6 +17,7 @@ from orip.mistakes.camera_values import (
     NOT_SQUARE,
     OTHER_LENS,
 )
+from orip.mistakes.contradicting_rigs import EXCHANGED_CAMERAS, MOUNTING
 from orip.mistakes.control.check_points import HEIGHT_SYSTEM
 from orip.mistakes.control.contradicting_control import CODE as CONTROL
 from orip.mistakes.control.contradicting_distances import DISTANCE_UNIT
@@ -144,6 +145,12 @@ CONSEQUENCES: tuple[Consequence, ...] = (
     # rows exposed at another time displace photos along the flight
     Consequence((ROLLING_SHUTTER, READOUT_TIME), groups=(*_GROUND, "camera")),
     Consequence((READOUT_TIME,), warnings=(CONTROL, POSITION, *SHORT_TEXTS_OF_POSITIONS, PRECISION, REPLACED)),
+    # cameras that are not where a rig has them bend all that it holds
+    Consequence(
+        (MOUNTING, EXCHANGED_CAMERAS),
+        warnings=(REPLACED, *_OF_START),
+        groups=(*_GROUND, "check point", "camera", "photo"),
+    ),
     Consequence((NOT_SQUARE,), groups=("distance",)),
     Consequence((DISTANCE_UNIT,), groups=("distance", "exposure station", "control point")),
     Consequence((DISTANCE_AXES,), groups=("distance",)),

@@ -15,6 +15,7 @@ from orip.bundle.problem import BlockProblem, pose_problem
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.verdict import headline, sigma0_test
 from orip.errors import Complaint, InputError, NotSolvableError, ProjectWarning
+from orip.mistakes.control.seen_control import SHORT_TEXTS_OF_CONTROL
 from orip.mistakes.explanation import explain_failure, explain_misfit, explain_start
 from orip.mistakes.hypothesis import Readjuster
 from orip.records.block import Block
@@ -152,6 +153,9 @@ def _with_mistakes_of_the_block(
     of_place = {found.where: found for found in reversed(explained) if found.where}
     first = [of_place.get(found.where, found) for found in of_start]
     left_out = list(start.left_out)
+    if any(found.code in SHORT_TEXTS_OF_CONTROL for found in explained):
+        # photos were resected from that control, and placed with it
+        return [*first, *(found for found in explained if found not in first), *left_out]
     if left_out:
         left_out = [*explain_failure(_readjuster(gathered), adjuster.not_oriented), *left_out]
     return [*first, *left_out, *(found for found in explained if found not in first)]

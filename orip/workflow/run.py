@@ -18,7 +18,7 @@ from orip.workflow.observations.measure import MEASURED_FROM, MeasureOutcome, me
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Committed, carry_out, commit
 from orip.workflow.project.folder import ProjectFolder
-from orip.workflow.project.state import ProjectState, read_checked_project
+from orip.workflow.project.state import ProjectState, read_project
 from orip.workflow.records.initialise import Initialised, initialise
 from orip.workflow.records.reconcile import Prefer
 
@@ -111,4 +111,4 @@ def _with_stations(state: ProjectState, watcher: RunWatcher) -> ProjectState:
     for label, text, warnings in annex(STATION_STEPS).process_stations(state):
         watcher.processed(label, text, warnings)
         is_changed = True
-    return read_checked_project(state.project.folder, *state.parts) if is_changed else state
+    return read_project(state.project.folder, *state.parts, checked=True) if is_changed else state

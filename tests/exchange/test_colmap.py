@@ -19,7 +19,7 @@ from orip.exchange.colmap.reader import Form, is_model, project_of_model, read_f
 from orip.exchange.colmap.rig_files import frames_from_bytes, frames_from_text, rigs_from_bytes, rigs_from_text
 from orip.exchange.colmap.text import cameras_from_text, images_from_text, points_from_text
 from orip.exchange.colmap.writer import new_model, updated_model, write_model
-from orip.exchange.formats import guessed_format
+from orip.exchange.formats import guessed_source
 from orip.records.exchanged import ExchangedProject, Lens
 from orip.structs import replace
 
@@ -184,7 +184,7 @@ def test_a_model_is_found_from_its_folder_its_project_or_one_of_its_files(tmp_pa
     folder = written(tmp_path / "sparse" / "0", small_model(), "bin")
     for path in (folder, tmp_path, folder / "cameras.bin"):
         assert is_model(path)
-        assert guessed_format(path).name == "colmap"
+        assert guessed_source(path)[0].name == "colmap"
         assert len(read(path).photos) == 6
     assert not is_model(tmp_path / "nothing")
 

@@ -13,7 +13,7 @@ from cli.command_line import orip
 from conversion.exchanged_blocks import block
 from exchange.imported import read_well, reprojected, written
 
-from orip.exchange.formats import guessed_format
+from orip.exchange.formats import guessed_source
 from orip.exchange.vision.alicevision import read_alicevision
 from orip.exchange.vision.openmvg import READING, read_openmvg
 from orip.records.exchanged import ExchangedProject
@@ -167,7 +167,7 @@ def test_a_scene_of_openmvg_shows_its_points_where_they_were_measured(
     camera = PINHOLE | ({key: list(terms)} if key else {})
     text = json.dumps(openmvg_document(given, camera, kind))
     path = written(tmp_path / "sfm_data.json", text)
-    assert guessed_format(path).name == "openmvg"
+    assert guessed_source(path)[0].name == "openmvg"
     project = read_well(read_openmvg, path)
     assert (len(project.photos), len(project.rays.photo)) == (len(given.photos), len(given.rays.photo))
     found, is_declared = reprojected(project)
@@ -204,7 +204,7 @@ def test_a_scene_of_alicevision_shows_its_points_where_they_were_measured(
 ) -> None:
     given = measured(distort, terms, ratio)
     path = written(tmp_path / "cameras.sfm", json.dumps(alicevision_document(given, camera, version)))
-    assert guessed_format(path).name == "alicevision"
+    assert guessed_source(path)[0].name == "alicevision"
     project = read_well(read_alicevision, path)
     assert len(project.rays.photo) == len(given.rays.photo)
     found, is_declared = reprojected(project)
@@ -321,6 +321,6 @@ def test_a_scene_is_adjusted_and_written_in_one_command(
     source = written(tmp_path / name, text(block(READING, noise_px=0.3)))
     done = orip(tmp_path, "adjust", str(source), "new")
     assert done.code == 0, done.err
-    again = orip(tmp_path / "new", "export", guessed_format(source).name, f"../again-{name}")
+    again = orip(tmp_path / "new", "export", guessed_source(source)[0].name, f"../again-{name}")
     assert again.code == 0, again.err
-    assert guessed_format(tmp_path / f"again-{name}").name == guessed_format(source).name
+    assert guessed_source(tmp_path / f"again-{name}")[0].name == guessed_source(source)[0].name

@@ -18,7 +18,7 @@ from typing import Any
 
 import pytest
 from cli.command_line import orip
-from workflow.small_projects import film_project
+from workflow.small_projects import film_project, first_project
 
 from orip.cli.terminal import Terminal
 from orip.errors import ProjectWarning
@@ -215,9 +215,21 @@ _VIEWS = {
 }
 
 
+@pytest.fixture(scope="module")
+def model_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = first_project(tmp_path_factory.mktemp("model") / "p")
+    assert orip(folder, "run", "--no-report").code == 0
+    assert orip(folder, "export", "colmap", "model").code == 0
+    return folder / "model"
+
+
+@pytest.fixture
+def model(model_once: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(model_once, tmp_path / "model"))
+
+
 @pytest.mark.parametrize("name", _VIEWS)
-def test_a_database_of_colmap_with_more_than_tables_is_refused(name: str, tmp_path: Path) -> None:
-    model = _model(tmp_path)
+def test_a_database_of_colmap_with_more_than_tables_is_refused(name: str, model: Path, tmp_path: Path) -> None:
     with closing(sqlite3.connect(model / "database.db")) as database:
         try:
             database.executescript(
@@ -236,8 +248,7 @@ def test_a_database_of_colmap_with_more_than_tables_is_refused(name: str, tmp_pa
     assert "move it away, and they are left out" in said.err
 
 
-def test_a_join_of_a_database_of_colmap_that_never_ends_is_given_up(tmp_path: Path) -> None:
-    model = _model(tmp_path)
+def test_a_join_of_a_database_of_colmap_that_never_ends_is_given_up(model: Path, tmp_path: Path) -> None:
     with closing(sqlite3.connect(model / "database.db")) as database:
         database.execute("CREATE TABLE images (image_id INTEGER, name TEXT, camera_id INTEGER)")
         database.execute("CREATE TABLE pose_priors (image_id INTEGER, coordinate_system INTEGER, position BLOB)")
@@ -253,14 +264,6 @@ def test_a_join_of_a_database_of_colmap_that_never_ends_is_given_up(tmp_path: Pa
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
     assert said.returncode == 3, said.stderr
     assert "image 1 is there twice" in said.stderr
-
-
-def _model(tmp_path: Path) -> Path:
-    folder = tmp_path / "p"
-    assert orip(tmp_path, "init", "--sample", "zurich_city_hall", str(folder)).code == 0
-    assert orip(folder, "run", "--no-report").code == 0
-    assert orip(folder, "export", "colmap", "model").code == 0
-    return folder / "model"
 
 
 GUBAIO = {

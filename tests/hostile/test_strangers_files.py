@@ -12,7 +12,6 @@ import shlex
 import shutil
 import signal
 import socket
-import sqlite3
 import struct
 import subprocess
 import sys
@@ -255,21 +254,6 @@ def test_a_long_dotted_key_takes_no_gigabytes(opened: Opened) -> None:
     (opened.project / "exchange.toml").write_text(".".join("a" for _ in range(40_000)) + " = 1\n")
     opened.orip("export csv tables")
     opened.orip("export")
-
-
-def test_a_view_without_end_in_a_colmap_database_is_refused(opened: Opened) -> None:
-    first = first_project(opened.folder / "first")
-    opened.done("-q run --no-report", first)
-    opened.done("-q export colmap model", first)
-    with closing(sqlite3.connect(first / "model" / "database.db")) as database:
-        database.executescript(
-            "CREATE TABLE images(image_id integer, name text, camera_id);INSERT INTO images VALUES(1, 'a', 1);"
-            "CREATE VIEW pose_priors AS WITH RECURSIVE r(n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM r) SELECT 1"
-            " AS image_id, 1 AS coordinate_system, zeroblob(24) AS position, NULL AS position_covariance FROM r"
-        )
-    began = time.monotonic()
-    opened.orip("import colmap model new", first)
-    assert time.monotonic() - began < 20
 
 
 @pytest.mark.parametrize("words", ["archive report r", "archive status r", "archive run . --out r --workers 1"])

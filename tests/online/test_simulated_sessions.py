@@ -17,7 +17,6 @@ from orip.online.replies import summary
 from orip.online.sequential.observation_rows import ObservationKey
 from orip.online.simulation import (
     SimulatedSession,
-    echallens_like_session,
     simplon_like_session,
     simulated_session,
 )
@@ -77,7 +76,7 @@ def test_the_first_model_of_a_block_like_the_simplon_has_its_published_redundanc
 
 
 def test_simulated_blocks_have_the_published_sizes() -> None:
-    simplon, echallens = simplon_like_session(3), echallens_like_session(3)
+    simplon, echallens = simplon_like_session(3), simulated_session(7, 7, 3, points_a_place=3)
     rays = {(photo, point) for photo, point, _ in simplon.measurements}
     assert (len({photo for photo, _ in rays}), len({point for _, point in rays}), len(rays)) == (24, 102, 468)
     assert len({photo for photo, _, _ in echallens.measurements}) == 49
@@ -103,7 +102,7 @@ def test_three_blunders_in_a_block_like_the_simplon(seed: int) -> None:
 @pytest.mark.long
 @pytest.mark.timeout(3600)
 def test_three_blunders_in_a_block_like_that_of_echallens() -> None:
-    session = echallens_like_session(3)
+    session = simulated_session(7, 7, 3, points_a_place=3)
     _assert_found(session, _played(session))
 
 

@@ -23,8 +23,7 @@ from orip.workflow.observations.measure import MEASURED_FROM, MEASURED_ON_TOP, M
 from orip.workflow.observations.todo import Todo
 from orip.workflow.project.bundle_state import read_bundle
 from orip.workflow.project.commit import Committed, carry_out, commit
-from orip.workflow.project.state import read_checked_project, read_project
-from orip.workflow.project.texts import read_log
+from orip.workflow.project.state import read_project
 from orip.workflow.records import commands as _records
 from orip.workflow.records import initialise as _export_toml
 from orip.workflow.records import initialise as _initialise
@@ -40,7 +39,7 @@ from orip.workflow.status import project_status as status_of
 
 
 def initialise(folder: Path, prefer: Prefer | None = None) -> Initialised:
-    state = read_checked_project(folder, *INITIALISED_FROM)
+    state = read_project(folder, *INITIALISED_FROM, checked=True)
     return carry_out(state, partial(_initialise.initialise, prefer=prefer)).outcome
 
 
@@ -48,7 +47,7 @@ def measure(folder: Path, files: Sequence[Path] = ()) -> Committed[MeasureOutcom
     if not files:
         return commit(_measure.measure(read_project(folder, *MEASURED_FROM)))
     state = read_project(folder, *MEASURED_ON_TOP)
-    return commit(_measure.measure_on_top(state, read_log(state.project, [folder / path for path in files])))
+    return commit(_measure.measure_on_top(state, [folder / path for path in files]))
 
 
 def project_status(folder: Path) -> ProjectStatus:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from msgspec import Struct
 
 from orip.errors import OripError, UsageError
+from orip.threads import processors
 from orip.version import __version__
 
 if TYPE_CHECKING:
@@ -154,7 +155,7 @@ def _own_cluster(workers: int | None, memory: int) -> Iterator[Client]:
     with _safe_path(), dask.config.set({**_OWN_CLUSTER, "temporary-directory": str(_own_folder())}):
         try:
             cluster = LocalCluster(
-                n_workers=workers or cores(),
+                n_workers=workers or processors(),
                 threads_per_worker=1,
                 memory_limit=memory,
                 security=Security.temporary(),
@@ -248,11 +249,6 @@ def _scheduler(address: str) -> Iterator[Client]:
     finally:
         with suppress(Exception):  # the scheduler may be gone
             client.close(timeout=_CLOSE_SECONDS)
-
-
-def cores() -> int:
-    """Return the cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _wait_for_workers(client: Client, address: str) -> None:

@@ -39,6 +39,10 @@ counts by itself: photo points are so many that immaterial errors are significan
 _EXPLAINS = 0.25
 """Part of what photo coordinates misfit by, beyond their a-priori errors, that a held parameter explains at least."""
 
+_SCATTERED, _FEWEST_OTHERS = 2.0, 6
+"""Median square of the standardised residuals of other control points, of so many coordinates at least, from which none
+of them is off alone: their a-priori errors are too small. By chance it is 0.45."""
+
 _EQUAL = 1e-6
 """Part of a statistic by which equal ones differ at most from rounding."""
 
@@ -148,7 +152,11 @@ def common_shifts(ground: GroundGroups, sums: ResidualSums, limit: float) -> Ite
         log_p = _log_p(float(squares[best]))
         if log_p >= limit:
             return
-        others = _alternatives(possible, squares, best, left.without(possible[best], sums), limit)
+        rest = left.without(possible[best], sums)
+        if possible[best].is_single_control and _others_scatter(tests, possible[best], rest):
+            tests = [test for test in tests if not test.is_single_control]
+            continue
+        others = _alternatives(possible, squares, best, rest, limit)
         chosen, others = _rather_stations(possible[best], others)
         chosen = _with_further_components(possible, chosen, left, sums)
         chosen = _without_drift(possible, chosen, left, limit)
@@ -172,6 +180,13 @@ def _without_single_control(tests: Sequence[Together], squares: FloatArray, limi
     if not single.any() or _log_p(float(squares[~single].max(initial=0.0))) < limit:
         return squares
     return np.where(single & (squares < _square_of(limit + np.log(SINGLE_CONTROL))), 0.0, squares)
+
+
+def _others_scatter(tests: Sequence[Together], best: Together, rest: _Sums) -> bool:
+    """Tell whether other control points misfit, too, once one has been allowed for."""
+    others = [test for test in tests if test.is_single_control and test.span != best.span and len(test.columns) == 1]
+    squares = [rest.square(test) for test in others if rest.testable[test.columns[0]]]
+    return len(squares) >= _FEWEST_OTHERS and float(np.median(squares)) > _SCATTERED
 
 
 def _square_of(log_p: float) -> float:

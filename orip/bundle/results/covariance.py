@@ -144,7 +144,7 @@ def _rows_of(matrix: FloatArray, rows: IntArray) -> FloatArray:
 
 
 def _removed(solved: SolvedBlock, columns: IntArray) -> BoolArray:
-    return np.asarray((columns != CONSTANT) & solved.normals.removed[columns])
+    return np.asarray((columns != CONSTANT) & solved.undetermined[columns])
 
 
 class NormalEquations(NamedTuple):

@@ -36,7 +36,7 @@ def undetermined_coordinates(solved: SolvedBlock, cofactors: FloatArray) -> Bool
     """
     columns = solved.problem.unknowns.points
     unknown = columns != CONSTANT
-    found = unknown & solved.normals.removed[columns]
+    found = unknown & solved.undetermined[columns]
     of_found = found.any(axis=1)
     along = np.zeros_like(found)
     nearest = np.full(len(found), np.inf)
@@ -172,7 +172,7 @@ def deviations(solved: SolvedBlock, columns: IntArray) -> FloatArray:
     cofactor[unknown & ~of_blocks] = solved.cofactors.reduced.diagonal()[columns[unknown & ~of_blocks]]
     cofactor[of_blocks] = solved.cofactors.blocks[block, place, place]
     deviation = solved.deviation_scale * np.sqrt(np.maximum(cofactor, 0.0))
-    deviation[unknown & solved.normals.removed[columns]] = UNDETERMINED
+    deviation[unknown & solved.undetermined[columns]] = UNDETERMINED
     return np.asarray(deviation)
 
 
@@ -243,7 +243,7 @@ def _place_correlations(cofactors: FloatArray, determined: BoolArray) -> FloatAr
 
 
 def _removed(solved: SolvedBlock, columns: IntArray) -> BoolArray:
-    return np.asarray((columns != CONSTANT) & solved.normals.removed[columns])
+    return np.asarray((columns != CONSTANT) & solved.undetermined[columns])
 
 
 def undetermined_points(solved: SolvedBlock) -> BoolArray:

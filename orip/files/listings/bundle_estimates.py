@@ -191,19 +191,8 @@ def figure_lines(solution: Solution) -> list[str]:
 def antenna_lines(solution: Solution) -> list[str]:
     """Return the table of the parameters of antennas, and of the shifts and drifts of their strips."""
     rows = solution.antennas
-    decimals = [_decimals_of_antenna(row) for row in rows]
-    values = [fixed([row.value], own)[0] for row, own in zip(rows, decimals, strict=True)]
-    sd = [deviations(np.array([row.sd]), own)[0] for row, own in zip(rows, decimals, strict=True)]
-    return table_lines(
-        [
-            Column("Antenna", [row.antenna for row in rows], align="left"),
-            Column("Strip", [row.strip for row in rows], align="left"),
-            Column("Parameter", [row.name for row in rows], align="left"),
-            Column("Value", values, align="point"),
-            Column("Standard deviation", sd, align="point"),
-            Column("Unit", [unit_of_unknown(row.name, solution.ground_unit) for row in rows], align="left"),
-        ]
-    )
+    names = {"Antenna": [row.antenna for row in rows], "Strip": [row.strip for row in rows]}
+    return _parameter_lines(rows, names, solution.ground_unit)
 
 
 def mounting_lines(solution: Solution) -> list[str]:
@@ -221,9 +210,11 @@ def exposure_lines(solution: Solution) -> list[str]:
 
 
 def _parameter_lines(
-    rows: Sequence[MountingEstimate | ExposureEstimate], names: Mapping[str, Sequence[str]], ground_unit: str
+    rows: Sequence[AntennaEstimate | MountingEstimate | ExposureEstimate],
+    names: Mapping[str, Sequence[str]],
+    ground_unit: str,
 ) -> list[str]:
-    decimals = [_decimals_of_antenna(row) for row in rows]
+    decimals = [_decimals(np.array([row.value]), np.array([row.sd]), 3, 8) for row in rows]
     values = [fixed([row.value], own)[0] for row, own in zip(rows, decimals, strict=True)]
     sd = [deviations(np.array([row.sd]), own)[0] for row, own in zip(rows, decimals, strict=True)]
     return table_lines(
@@ -235,10 +226,6 @@ def _parameter_lines(
             Column("Unit", [unit_of_unknown(row.name, ground_unit) for row in rows], align="left"),
         ]
     )
-
-
-def _decimals_of_antenna(row: AntennaEstimate | MountingEstimate | ExposureEstimate) -> int:
-    return _decimals(np.array([row.value]), np.array([row.sd]), 3, 8)
 
 
 def variance_component_lines(solution: Solution) -> list[str]:

@@ -128,14 +128,14 @@ def _put_back_with(file: Path, connect: Connect) -> None:
     while has_undo(file):
         try:
             pact, _ = _read_undo(file)
-            before = _identity(pact)
+            before = identity_of(pact)
             if before is None:
                 remove_file(_undo_of(file))
                 return
             if file not in _listed(pact):
                 raise damage(_undo_of(file), f"it names '{shown_token(str(pact))}', which does not list this store")
             with locked(pact, file.name):
-                if _identity(pact) == before:  # else that transaction has ended while its lock was waited for
+                if identity_of(pact) == before:  # else that transaction has ended while its lock was waited for
                     _put_back(pact, connect)
                     return
         except FileNotFoundError:
@@ -225,7 +225,8 @@ def _at(here: Path, name: str) -> Path:
     return Path(os.path.normpath(here.parent / name))
 
 
-def _identity(file: Path) -> tuple[int, int] | None:
+def identity_of(file: Path) -> tuple[int, int] | None:
+    """Return what tells a file from another one of the same name; None if there is none."""
     with suppress(OSError):
         status = file.stat()
         return status.st_dev, status.st_ino

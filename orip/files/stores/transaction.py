@@ -13,7 +13,7 @@ from msgspec import Struct
 
 from orip.errors import OripError, UsageError
 from orip.files.stores.identity import content_sums, create, is_present, kind_of
-from orip.files.stores.joint_commit import commit_jointly, has_undo, put_back_killed, remove_orphaned_pact
+from orip.files.stores.joint_commit import commit_jointly, has_undo, identity_of, put_back_killed, remove_orphaned_pact
 from orip.files.stores.store import Store
 from orip.files.stores.store_files import explained, opened, remove_orphans, require_own_store
 from orip.files.text.own_files import remove_file
@@ -107,10 +107,10 @@ def _locked(locked: ExitStack, files: Mapping[Path, Path], timeout: float) -> li
     while True:
         with ExitStack() as attempt:
             stores = _opened_for_writing(attempt, list(files.values()), timeout)
-            before = list(map(_identity, files))
+            before = list(map(identity_of, files))
             for connection in dict.fromkeys(store.connection for store in stores):
                 attempt.enter_context(_transaction(connection, "BEGIN IMMEDIATE"))
-            if None not in before and before == list(map(_identity, files)) and not any(map(has_undo, files)):
+            if None not in before and before == list(map(identity_of, files)) and not any(map(has_undo, files)):
                 locked.enter_context(attempt.pop_all())
                 return stores
         # another process has removed an empty store while this one waited for its lock, or was killed
@@ -140,14 +140,6 @@ def _single(file: Path, timeout: float) -> sqlite3.Connection:
     connection = connected(_uri(file, "rw"), timeout)
     connection.execute("PRAGMA synchronous = EXTRA")
     return connection
-
-
-def _identity(file: Path) -> tuple[int, int] | None:
-    """Return what tells a file from another one of the same name; None if there is none."""
-    with suppress(OSError):
-        status = file.stat()
-        return status.st_dev, status.st_ino
-    return None
 
 
 @contextmanager

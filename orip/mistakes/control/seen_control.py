@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from msgspec import Struct
 
-from orip.arrays import BoolArray, FloatArray, along_diagonal
+from orip.arrays import BoolArray, FloatArray, along_diagonal, inverse_of_covariance
 from orip.bundle.results.covariance import covariance, point_figures
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.verdict import group_findings
@@ -46,8 +46,8 @@ SHORT_TEXTS_OF_CONTROL = {
 _FEWEST, _MOST = 4, 24
 """Least number of points that show which of them is wrong, and the most of which pairs are tried."""
 
-_LONGEST_POLE = 5.0
-"""Metres: more is no pole."""
+_SHORTEST_POLE, _LONGEST_POLE = 0.05, 5.0
+"""Metres: less and more is no pole; other systems differ by more."""
 
 _LOOKS_UP = -0.5
 """Mean cosine from which photos look up at the control: what is said of it then is said elsewhere."""
@@ -107,18 +107,29 @@ class _Change(NamedTuple):
 
 
 class _Fitted(NamedTuple):
-    """A change, its half sum of squares, whether it fits, and the points (n, 3) in the ground system with their sd."""
+    """A change, its half sum of squares, their redundancy, and the points (n, 3) in the ground system with their sd."""
 
     change: _Change
     cost: float
-    fits: bool
+    redundancy: int
     placed: FloatArray
     sd: FloatArray
+
+    @property
+    def fits(self) -> bool:
+        """Return whether the sum of squares is no larger than chance, and errors a little too small, make it."""
+        chance = self.redundancy + _CHANCE * np.sqrt(2.0 * max(self.redundancy, 0))
+        return self.redundancy > 0 and self.cost < _OPTIMISTIC * 0.5 * chance
 
     @property
     def score(self) -> float:
         """Return the half sum of squares and the price of the change."""
         return self.cost + self.change.price
+
+    def gain(self, cost: float) -> float:
+        """Return by how much less it costs than without the change; in the residuals' own size, if errors are small."""
+        scale = max(1.0, 2.0 * self.cost / max(self.redundancy, 1))
+        return (cost - self.cost) / scale - self.change.price
 
 
 def misread_control_points(misfit: Misfit) -> list[ProjectWarning]:
@@ -135,7 +146,7 @@ def misread_control_points(misfit: Misfit) -> list[ProjectWarning]:
         return []
     cost = np.inf if as_given is None else as_given.cost
     tried = [found for change in _changes(seen, as_given) if (found := _fitted(seen, change)) is not None]
-    tried = [found for found in tried if found.fits and cost - found.score > DECIDED]
+    tried = [found for found in tried if found.fits and found.gain(cost) > DECIDED]
     if not tried:
         return []
     best = min(tried, key=lambda found: found.score)
@@ -236,7 +247,7 @@ def _fitted(seen: _Seen, change: _Change) -> _Fitted | None:
         own = turn @ seen.spread @ turn.T
         if not np.isfinite(own).all() or not np.isfinite(value).all():
             return None
-        weight = _inverse((own + np.diag(np.nan_to_num(seen.errors.ravel()) ** 2))[np.ix_(rows, rows)])
+        weight = inverse_of_covariance((own + np.diag(np.nan_to_num(seen.errors.ravel()) ** 2))[np.ix_(rows, rows)])
         off = (target - value).ravel()[rows]
         normals = np.linalg.pinv(partials[rows].T @ weight @ partials[rows])
         step = normals @ partials[rows].T @ weight @ off
@@ -256,22 +267,8 @@ def _fitted(seen: _Seen, change: _Change) -> _Fitted | None:
     through = partials - gain @ partials[rows]
     variances = np.diag(own - gain @ own[rows] + through @ normals @ through.T)
     cost = 0.5 * float(off @ weight @ off)
-    redundancy = int(np.count_nonzero(rows)) - partials.shape[1]
-    limit = _OPTIMISTIC * 0.5 * (redundancy + _CHANCE * np.sqrt(2.0 * max(redundancy, 0)))
     sd = np.sqrt(np.maximum(variances, 0.0)).reshape(-1, 3)
-    return _Fitted(change, cost, redundancy > 0 and cost < limit, predicted.reshape(-1, 3) + middle, sd)
-
-
-def _inverse(covariance: FloatArray) -> FloatArray:
-    """Return the inverse of a covariance matrix; of one without an inverse, as of exact coordinates, the pseudoinverse.
-
-    Singular values take ten times as long, and one is wanted for each of a thousand changes.
-    """
-    try:
-        half = np.linalg.solve(np.linalg.cholesky(covariance), np.eye(len(covariance)))
-    except np.linalg.LinAlgError:
-        return np.asarray(np.linalg.pinv(covariance))
-    return np.asarray(half.T @ half)
+    return _Fitted(change, cost, int(np.count_nonzero(rows)) - partials.shape[1], predicted.reshape(-1, 3) + middle, sd)
 
 
 # ---------------------------------------------------------------------------------------------------------- hypotheses
@@ -361,17 +358,18 @@ def _of_other_heights(block: Block, seen: _Seen, best: _Fitted) -> list[ProjectW
     rows = list(best.change.points)
     off, sd = seen.given[rows, 2] - best.placed[rows, 2], best.sd[rows, 2]
     by = float(np.mean(off))
-    if np.abs(off - by).max() > _CHANCE * _OPTIMISTIC * float(sd.max()):
+    size = abs(by) * METRES_PER_GROUND_UNIT.get(block.ground_unit, np.inf)
+    if np.abs(off - by).max() > _CHANCE * _OPTIMISTIC * float(sd.max()) or size < _SHORTEST_POLE:
         return []
-    is_pole = abs(by) * METRES_PER_GROUND_UNIT.get(block.ground_unit, np.inf) < _LONGEST_POLE
+    is_pole = size < _LONGEST_POLE
     cause = (
         "the height of the pole or the instrument was probably not taken off, or taken off twice; correct Z of these"
         if is_pole
         else "their heights are probably in another system (above the ellipsoid, above the geoid); take all from one"
     )
-    size = f"{abs(by):.2f} {block.ground_unit} too {'high' if by > 0.0 else 'low'}"
+    too = f"{abs(by):.2f} {block.ground_unit} too {'high' if by > 0.0 else 'low'}"
     where = counted_names("control point", [seen.names[row] for row in rows], MOST_TO_CHANGE)
-    return [ProjectWarning(SOME_HEIGHTS, where, f"they alone are given about {size} in Z: {cause}")]
+    return [ProjectWarning(SOME_HEIGHTS, where, f"they alone are given about {too} in Z: {cause}")]
 
 
 def _of_exchange(block: Block, one: str, other: str) -> ProjectWarning:

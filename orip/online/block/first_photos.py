@@ -31,7 +31,6 @@ from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.run_id import changed_inputs
-from orip.workflow.project.state import read_state
 from orip.workflow.steps import inputs_now
 
 _ENDED = ("converged", "doubtful")
@@ -49,7 +48,7 @@ def solution_of_what_is_measured(bundle: BundleState) -> Solution | None:
     head = bundle.state.head(bundle.name)
     if head is None or head.status not in _ENDED or changed_inputs(head.inputs, inputs_now(bundle)):
         return None
-    solution = read_state(bundle.project, ["solutions"], [bundle.name]).solution(bundle.name)
+    solution = bundle.state.read_again("solutions", bundles=[bundle.name]).solution(bundle.name)
     # another run may have replaced it meanwhile
     return solution if solution is not None and solution.run == head.run else None
 

@@ -256,23 +256,26 @@ def _overlap(given: ReportInput, scene: _Scene, plane: MapPlane) -> Markup:
     known = np.isfinite(scene.footprints).all(axis=(1, 2))
     if not known.any() or float(np.median(down)) < _DOWNWARD:
         return Markup("")
-    step = max(plane.width, plane.height) / plane.scale / _CELLS
+    unit = given.solution.ground_unit
+    drawn = [*overlap_cells(plane, scene.footprints[known], _CELLS), *_photos(given.solution, scene, plane)]
+    label = "Overlap: the number of photos that show each part of the ground"
+    return drawing(*plane.size, label, [plane.clipped(drawn), *plane.axes(_axis_names(scene.side, unit))], "map")
+
+
+def overlap_cells(plane: MapPlane, footprints: FloatArray, cells: int) -> list[str]:
+    """Return squares, so many along the longer side of a map: of how many of the footprints (m, 4, 2) each is in."""
+    step = max(plane.width, plane.height) / plane.scale / cells
     columns, rows = (int(np.ceil(size / plane.scale / step)) for size in (plane.width, plane.height))
     x, y = np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5)
     centres = plane.low + step * np.stack([x.ravel(), y.ravel()], axis=1)
-    count = photos_over(centres, scene.footprints[known])
+    count = np.minimum(photos_over(centres, footprints), MOST_OVERLAP)
     side = step * plane.scale
-    cells = []
-    for number_of in range(1, MOST_OVERLAP + 1):
-        mine = np.minimum(count, MOST_OVERLAP) == number_of
-        corners = plane.place(centres[mine]) - side / 2.0
-        found, square = iter(numbers(corners.ravel().tolist())), f"h{number(side)}v{number(side)}h{number(-side)}z"
-        path = "".join([f"M{a} {b}{square}" for a, b in zip(found, found, strict=True)])
-        cells += [element("path", d=path, class_="overlap", style=f"--n:{number_of}")] if path else []
-    unit = given.solution.ground_unit
-    drawn = [*cells, *_photos(given.solution, scene, plane)]
-    label = "Overlap: the number of photos that show each part of the ground"
-    return drawing(*plane.size, label, [plane.clipped(drawn), *plane.axes(_axis_names(scene.side, unit))], "map")
+    square, drawn = f"h{number(side)}v{number(side)}h{number(-side)}z", []
+    for photos in range(1, MOST_OVERLAP + 1):
+        corners = iter(numbers((plane.place(centres[count == photos]) - side / 2.0).ravel().tolist()))
+        path = "".join([f"M{a} {b}{square}" for a, b in zip(corners, corners, strict=True)])
+        drawn += [element("path", d=path, class_="overlap", style=f"--n:{photos}")] if path else []
+    return drawn
 
 
 def photos_over(places: FloatArray, frames: FloatArray) -> IntArray:

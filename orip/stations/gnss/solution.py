@@ -134,11 +134,6 @@ class Joined(Struct, frozen=True):
     difference: FloatArray
     doubt: tuple[str, ...]
 
-    @property
-    def is_trusted(self) -> BoolArray:
-        """Return which epochs are to be trusted, array (n,)."""
-        return np.array([not why for why in self.doubt], dtype=np.bool_)
-
 
 def join_directions(forward: Solution, backward: Solution) -> Joined:
     """Return the epochs of both directions in the order of time."""

@@ -23,7 +23,7 @@ from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.outputs import interior_output
 from orip.workflow.project.run_id import run_id
 from orip.workflow.project.state import Part, ProjectState, ReplayRecord, StoredParts
-from orip.workflow.project.texts import Digests, MeasurementLog, raise_complaints
+from orip.workflow.project.texts import Digests, MeasurementLog, raise_complaints, read_log
 from orip.workflow.steps import measurement_inputs
 
 MEASURED_FROM: tuple[Part, ...] = ("definitions", "replay")
@@ -68,7 +68,7 @@ def measure(state: ProjectState) -> Change[MeasureOutcome]:
     return replay_log(state, state.texts.log)
 
 
-def measure_on_top(state: ProjectState, log: Parsed[MeasurementLog]) -> Change[MeasureOutcome]:
+def measure_on_top(state: ProjectState, files: Sequence[Path]) -> Change[MeasureOutcome]:
     """Replay other measurement files on top of what the stores hold.
 
     Parameters
@@ -81,8 +81,9 @@ def measure_on_top(state: ProjectState, log: Parsed[MeasurementLog]) -> Change[M
     InputError
         With everything that is wrong.
     """
+    log = read_log(state.project, files)
     change = _replayed(state, log, state.measured, _provenance_on_top)
-    warnings = (*log.warnings, *_outside_project(state, log.value.files), *change.outcome.warnings)
+    warnings = (*log.warnings, *_outside_project(state, files), *change.outcome.warnings)
     return replace(change, outcome=replace(change.outcome, warnings=warnings))
 
 

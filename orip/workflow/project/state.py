@@ -188,24 +188,19 @@ def read_state(
     return ProjectState(project, texts or ProjectTexts(project), wanted, tuple(bundles), stored)
 
 
-def read_project(folder: Path, *parts: Part) -> ProjectState:
+def read_project(folder: Path, *parts: Part, checked: bool = False) -> ProjectState:
     """Read orip.toml of a folder, and parts of the stores: observations and solutions of all bundles of orip.toml.
 
     Raises
     ------
     InputError
-        With everything that is wrong in orip.toml, or if a store is damaged.
+        With everything that is wrong in orip.toml, and if `checked` in the folder's other texts too, or if a store is
+        damaged.
     UsageError
         If there is no such folder.
     LockedError
     """
-    project = open_project(folder)
-    return read_state(project, parts, project.bundle_names)
-
-
-def read_checked_project(folder: Path, *parts: Part) -> ProjectState:
-    """Do what `read_project` does; if orip.toml is wrong, also report what is wrong in the folder's other texts."""
-    project = open_checked_project(folder)
+    project = open_checked_project(folder) if checked else open_project(folder)
     return read_state(project, parts, project.bundle_names)
 
 

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bundle.aerial_block import aerial_block
+from bundle.solving import noisy, solution, started_off, with_photo_points
 
 import orip
 from orip.bundle.results.solution import solution_of
@@ -70,8 +72,28 @@ def test_others_are_as_precise_as_if_the_removed_ones_were_constant(tmp_path):
     )
     constant = solution_of(solve_block(replace(block, photos=photos), lambda _: None, lambda: False))
     record = found._record
-    others = np.isfinite(record.photos.sd)
+    others, points = np.isfinite(record.photos.sd), np.isfinite(record.points.sd)
     # angles of photos without removed ones are unknowns about the axes there: the iterations end a little differently
     assert np.allclose(record.photos.sd[others], constant.photos.sd[others], rtol=1e-4)
-    assert np.allclose(record.points.sd, constant.points.sd, rtol=1e-4)
+    assert np.allclose(record.points.sd[points], constant.points.sd[points], rtol=1e-4)
     assert np.allclose(record.points.values, constant.points.values, atol=1e-3 * record.points.sd.min())
+
+
+def test_a_part_whose_scale_nothing_determines_has_no_standard_deviations():
+    # the first photo sees what the second sees, no other photo, and no control
+    made = aerial_block("a part without a scale", 7)
+    points = made.block.photo_points
+    place = made.block.point_index()
+    known = [place[point.name] for point in made.block.control_points]
+    seen = points.point[(points.photo == 0) & ~np.isin(points.point, known)]
+    common = np.intersect1d(seen, points.point[points.photo == 1])
+    kept = np.where(np.isin(points.point, common), points.photo < 2, points.photo > 0)
+    block = started_off(made, noisy(made, 1), 2)
+    found = solution(with_photo_points(block, kept))
+    assert [unknown.name for unknown in found.singular] == [block.photos[0].name]
+    names = {block.point_names[point] for point in common}
+    free = np.array([name in names for name in found.points.names])
+    assert np.isinf(found.points.sd[free]).all()
+    assert np.isfinite(found.points.sd[~free]).all()
+    assert np.isinf(found.photos.sd[0]).any()
+    assert np.isfinite(found.photos.sd[1:]).all()

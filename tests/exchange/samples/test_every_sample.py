@@ -22,7 +22,7 @@ from orip.exchange.colmap.reader import read_model
 from orip.exchange.colmap.writer import write_model
 from orip.exchange.conversion.ground import in_local_ground, local_ground
 from orip.exchange.conversion.poses import orip_poses
-from orip.exchange.formats import format_named, guessed_format
+from orip.exchange.formats import format_named, guessed_source
 from orip.exchange.metashape.sensors import read_lens_file
 from orip.exchange.opensfm.control_marks import read_control_list
 from orip.exchange.photomodeler import read_photomodeler
@@ -271,7 +271,7 @@ def _photo_row(path: str) -> Row:
 def _refused(path: str) -> Row:
     def shows(_: Path) -> None:
         with pytest.raises(UsageError, match="looks like none of the formats"):
-            guessed_format(data_set("exchange") / path)
+            guessed_source(data_set("exchange") / path)[0]
 
     return Row((path,), shows, shows)
 

@@ -13,7 +13,7 @@ from cli.command_line import orip
 from exchange.imported import read_well, reprojected, written
 
 from orip.exchange.conversion.cameras import convert_camera
-from orip.exchange.formats import guessed_format
+from orip.exchange.formats import guessed_source
 from orip.exchange.vision.opf import read_opf
 from orip.records.exchanged import ExchangedCamera
 from orip.structs import replace
@@ -225,7 +225,7 @@ def test_marks_are_where_the_project_shows_its_points(
     tmp_path: Path, internals: dict[str, Any], scale: float, swaps: bool
 ) -> None:
     path = project_folder(tmp_path, documents(internals, scale=scale, swaps=swaps))
-    assert guessed_format(path).name == guessed_format(tmp_path).name == "opf"
+    assert guessed_source(path)[0].name == guessed_source(tmp_path)[0].name == "opf"
     project = read_well(read_opf, path)
     assert [photo.name for photo in project.photos] == [f"images/DJI {n}.JPG" for n in range(5)]
     assert len(project.rays.photo) == 55

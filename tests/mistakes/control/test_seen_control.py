@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from cli.command_line import orip
 from mistakes.advice import Project, follow, is_well, said_first, sound
@@ -79,3 +80,12 @@ def test_a_control_point_under_two_numbers_is_named(tmp_path: Path) -> None:
         made.measured[photo]["4201"] = made.measured[photo].pop("42")
     told = orip(made.write(tmp_path / "folder"), "run", "--no-report").told
     assert "points 42 and 4201: their rays meet in one place" in told
+
+
+@pytest.mark.parametrize("seed", every(3, [6, 0, 3, 4, 7]))
+def test_control_with_errors_that_are_too_small_accuses_no_point(tmp_path: Path, seed: int) -> None:
+    made, random = sound("", seed), np.random.default_rng(seed)
+    made.control = {name: xyz + random.normal(scale=0.3, size=3) for name, xyz in made.control.items()}
+    made.control_errors = {name: np.full(3, 0.1) for name in made.control}
+    line = said_first(orip(made.write(tmp_path / "folder"), "run", "--no-report"))
+    assert re.search(r"the residuals of the [XYZ] of the control points are \d\.\d times their a-priori errors", line)
