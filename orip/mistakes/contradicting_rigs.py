@@ -190,8 +190,8 @@ def _mean_covariance(state: RigState, covariances: FloatArray, camera: int) -> F
     rows = np.flatnonzero(state.mounted == camera)
     turns = np.zeros((len(rows), 6, 6))
     turns[:, :3, :3] = turns[:, 3:, 3:] = np.swapaxes(state.rotations[state.exposure[rows]], 1, 2)
-    # medians have half as large a variance again as means
-    return np.asarray(1.5 * (turns @ covariances[rows] @ np.swapaxes(turns, 1, 2)).mean(axis=0) / len(rows))
+    # as of one photo: what a lens takes up displaces all photos of the camera alike
+    return np.asarray((turns @ covariances[rows] @ np.swapaxes(turns, 1, 2)).mean(axis=0))
 
 
 def _off(said: dict[int, _Pose], found: _Found) -> dict[int, tuple[FloatArray, FloatArray]]:

@@ -55,6 +55,14 @@ def test_unit_and_transformation(factor: float, kind: TransformationKind, skew: 
     assert _said(factor * AROUND, kind, skew) == said
 
 
+@pytest.mark.parametrize(("factor", "said"), [(1.0, []), (10.0, ["mark-unit"]), (1e-3, ["mark-unit"])])
+def test_marks_and_frame_in_two_units(factor: float, said: list[str]) -> None:
+    film = _film("101", factor * AROUND, "A", 0.0, np.random.default_rng(12)).adjustment
+    camera = Camera("A", (153.0, *[0.0] * 12), frame=(230.0, 230.0))
+    definitions = Definitions({"A": camera}, {}, {}, {"101": Photo("101", "A")}, {})
+    assert [warning.code for warning in marks_of_all_films(definitions, [film])] == said
+
+
 def test_nominal_coordinates_are_off_in_all_films_alike() -> None:
     assert _said(AROUND + np.random.default_rng(8).normal(0.0, 0.03, AROUND.shape)) == ["marks-given-wrong"]
 

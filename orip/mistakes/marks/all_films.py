@@ -25,6 +25,9 @@ _NEAR = 0.02
 _UNITS = {1e3: "micrometres", 1.0 / MILLIMETRES_PER_INCH: "inches"}
 """By the scale of films measured in millimetres: the unit in which their marks are given."""
 
+_BEYOND_FRAME = 5.0
+"""Ratio of the extents of marks and frame from which they are not in one unit."""
+
 _UNLIKELY = 1e-6
 """Probability by chance below which residuals have a cause that all films share."""
 
@@ -41,6 +44,7 @@ class _Record(Struct, frozen=True):
     where: str
     kind: str
     adjustments: list[MarkAdjustment]
+    frame: tuple[float, float] | None
 
 
 def marks_of_all_films(definitions: Definitions, adjustments: Sequence[MarkAdjustment]) -> list[ProjectWarning]:
@@ -55,10 +59,12 @@ def marks_of_all_films(definitions: Definitions, adjustments: Sequence[MarkAdjus
     records: dict[str, _Record] = {}
     for adjustment in adjustments:
         name, is_photo = record_key(adjustment.summary.name), adjustment.summary.group == "photos"
-        record = definitions.photos[name].camera if is_photo else definitions.templates[name].temtick
-        where = f"camera {record}" if is_photo else f"temtick {record}"
-        of_record = records.setdefault(record_key(where), _Record(where, "fiducial" if is_photo else "tick", []))
-        of_record.adjustments.append(adjustment)
+        if is_photo:
+            camera = definitions.camera_of(definitions.photos[name])
+            record = _Record(f"camera {camera.name}", "fiducial", [], camera.frame)
+        else:
+            record = _Record(f"temtick {definitions.templates[name].temtick}", "tick", [], None)
+        records.setdefault(record_key(record.where), record).adjustments.append(adjustment)
     return [
         warning
         for record in records.values()
@@ -67,7 +73,7 @@ def marks_of_all_films(definitions: Definitions, adjustments: Sequence[MarkAdjus
 
 
 def _in_another_unit(record: _Record) -> Iterator[ProjectWarning]:
-    """Yield a warning of given coordinates in another unit than mm, which films measured in mm show."""
+    """Yield a warning of given coordinates in another unit than mm, which films measured in mm or the frame show."""
     scales = [(film.summary.sx, film.summary.sy) for film in record.adjustments]
     for scale, unit in _UNITS.items():
         if abs(np.median(scales) / scale - 1.0) < _NEAR:
@@ -76,6 +82,15 @@ def _in_another_unit(record: _Record) -> Iterator[ProjectWarning]:
                 f"{np.median(scales):.5g}); give them in mm"
             )
             yield ProjectWarning(MARK_UNIT, record.where, text)
+    if record.frame is None:
+        return
+    extent = max(float(np.ptp(film.given, axis=0).max()) for film in record.adjustments)
+    if not max(record.frame) / _BEYOND_FRAME < extent < max(record.frame) * _BEYOND_FRAME:
+        text = (
+            f"its {record.kind} marks are given over {extent:.4g} mm, and its frame is {max(record.frame):.4g} mm: one "
+            "is in another unit; give both in mm"
+        )
+        yield ProjectWarning(MARK_UNIT, record.where, text)
 
 
 def _too_simple(record: _Record) -> Iterator[ProjectWarning]:
