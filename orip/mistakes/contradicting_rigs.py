@@ -45,8 +45,8 @@ _LIMIT = 60.0
 """Square of a difference of six elements, over their covariance, from which it is no chance: 22 has a probability of
 0.1 %, and correlations between photos are neglected."""
 
-_EXCHANGED = 0.1
-"""Part of the differences that is left where two cameras are exchanged."""
+_EXCHANGED, _CERTAINLY = 0.1, 1e-3
+"""Part of the differences that is left where two cameras are exchanged, and one that no other mistake leaves."""
 
 _Pose = tuple[FloatArray, FloatArray]
 """Place (3,) and rotation (3, 3)."""
@@ -130,7 +130,8 @@ def _compared(
     size = _size(said, found)
     for one, other in combinations(said, 2):
         exchanged = {**said, one: said[other], other: said[one]}
-        if _size(exchanged, found) < _EXCHANGED * size and not _off(exchanged, found):
+        left = _size(exchanged, found) / size
+        if left < _CERTAINLY or (left < _EXCHANGED and not _off(exchanged, found)):
             text = (
                 f"cameras {names[one]} and {names[other]} of rig {rig} are exchanged: each is mounted where the other "
                 "one is said to be; exchange their names in the [[rig]], or the cameras of their photos"
