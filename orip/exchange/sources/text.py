@@ -59,10 +59,9 @@ class Faults(Struct):
 
     def complain_of_end(self, what: str, end: str, line: int) -> None:
         """Complain that the last line of what should end with another one is also that of the file."""
-        message = (
-            f"{what} does not end with {end}: the file is cut off; write it again, or add the line {end} if nothing"
+        self.complain(
+            f"{what} does not end with {end}: the file is cut off; write it again, or add {end} if it is complete", line
         )
-        self.complain(f"{message} is missing", line)
 
     def decimal(self, word: str, what: str, line: int | None) -> float:
         """Return a word as a number; NaN, and a complaint kept, if it is not one."""
