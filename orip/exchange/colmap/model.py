@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from orip.arrays import FloatArray, IntArray
 from orip.errors import Complaint
+from orip.files.text.decimal_numbers import LARGEST_NUMBER
 from orip.files.text.shown import Parsed, printable
 from orip.records.control import IN_PROJECT, Station, StationReference
 from orip.records.exchanged import Lens
@@ -33,6 +34,11 @@ Pose = tuple[float, ...]
 """Quaternion w, x, y, z and translation."""
 
 IDENTITY: Pose = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def is_pose(pose: Pose) -> bool:
+    """Return whether numbers are a pose: a binary file may have any, and squares of some of them are none."""
+    return all(abs(value) <= LARGEST_NUMBER for value in pose) and any(abs(q) >= 1.0 / LARGEST_NUMBER for q in pose[:4])
 
 
 class CameraModel(Struct, frozen=True):

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Literal, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from orip.arrays import BoolArray, IntArray
 from orip.errors import MOST_COMPLAINTS, Complaint
@@ -21,10 +22,12 @@ from orip.exchange.colmap.model import (
     ColmapModel,
     ColmapPoints,
     ColmapRig,
+    is_pose,
     no_points,
     pose_priors,
 )
 from orip.exchange.colmap.rigs import exchanged_rigs, with_poses_of_frames
+from orip.files.text.decimal_numbers import LARGEST_NUMBER
 from orip.files.text.lines import read_bytes
 from orip.files.text.shown import Parsed, printable
 from orip.records.exchanged import (
@@ -106,8 +109,8 @@ def _of_cameras(cameras: Sequence[ColmapCamera], path: str) -> Iterator[Complain
         if not (0 < camera.columns <= LARGEST_FRAME and 0 < camera.rows <= LARGEST_FRAME):
             message = f"camera {camera.id} has {camera.columns} by {camera.rows} pixels; the file is damaged"
             yield Complaint(message, path)
-        if not np.isfinite(camera.parameters).all():
-            yield Complaint(f"camera {camera.id} has a parameter that is not finite", path)
+        if not _are_possible(camera.parameters).all():
+            yield Complaint(f"camera {camera.id} has a parameter that is no possible number", path)
 
 
 def _of_images(images: Sequence[ColmapImage], cameras: set[int], path: str) -> Iterator[Complaint]:
@@ -116,18 +119,23 @@ def _of_images(images: Sequence[ColmapImage], cameras: set[int], path: str) -> I
         named = f"image {image.id} ({printable(image.name)})"
         if image.camera not in cameras:
             yield Complaint(f"{named} has the camera {image.camera}, which is not among the cameras", path)
-        if not np.isfinite(image.pose).all() or not any(image.pose[:4]):
-            yield Complaint(f"{named} has no rotation, or a pose that is not finite", path)
-        if not np.isfinite(image.keypoints).all():
-            place = int(np.flatnonzero(~np.isfinite(image.keypoints).all(axis=1))[0])
-            yield Complaint(f"{named}: its keypoint {place} has coordinates that are not finite", path)
+        if not is_pose(image.pose):
+            yield Complaint(f"{named} has no rotation, or a pose with impossible numbers", path)
+        if not _are_possible(image.keypoints).all():
+            place = int(np.flatnonzero(~_are_possible(image.keypoints).all(axis=1))[0])
+            yield Complaint(f"{named}: its keypoint {place} has impossible coordinates", path)
 
 
 def _of_points(points: ColmapPoints, path: str) -> Iterator[Complaint]:
     yield from _repeated(points.ids.tolist(), "point", path)
-    impossible = ~np.isfinite(points.coordinates).all(axis=1)
+    impossible = ~_are_possible(points.coordinates).all(axis=1)
     for row in np.flatnonzero(impossible)[:MOST_COMPLAINTS]:
-        yield Complaint(f"point {points.ids[row]} has coordinates that are not finite", path)
+        yield Complaint(f"point {points.ids[row]} has impossible coordinates", path)
+
+
+def _are_possible(numbers: ArrayLike) -> BoolArray:
+    """Return which numbers are finite, and not so large that their powers are not."""
+    return np.asarray(np.abs(numbers) <= LARGEST_NUMBER)
 
 
 def _repeated(ids: Sequence[int], what: str, path: str) -> Iterator[Complaint]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import struct
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -10,7 +9,7 @@ from typing import TypeVar
 
 from orip.errors import MOST_COMPLAINTS, Complaint
 from orip.exchange.colmap.binary import Bytes, guarded
-from orip.exchange.colmap.model import CAMERA_SENSOR, IDENTITY, ColmapFrame, ColmapModel, ColmapRig, Pose
+from orip.exchange.colmap.model import CAMERA_SENSOR, IDENTITY, ColmapFrame, ColmapModel, ColmapRig, Pose, is_pose
 from orip.exchange.colmap.text import decimal_number, records, whole_number
 from orip.files.text.lines import decode_lines
 from orip.files.text.shown import Parsed
@@ -201,8 +200,8 @@ def _of_rigs(rigs: Sequence[ColmapRig]) -> Iterator[str]:
     sensors = Counter(sensor for rig in rigs for sensor in rig.sensors)
     yield from (f"sensor {number} is on a rig twice, or on two" for (_, number), count in sensors.items() if count > 1)
     for rig in rigs:
-        if not all(_is_pose(pose) for pose in rig.poses if pose is not None):
-            yield f"rig {rig.id} has a sensor without a rotation, or a pose that is not finite"
+        if not all(is_pose(pose) for pose in rig.poses if pose is not None):
+            yield f"rig {rig.id} has a sensor without a rotation, or a pose with impossible numbers"
         if any(kind not in range(len(_KINDS)) for kind, _ in rig.sensors):
             yield f"rig {rig.id} has a sensor of an unknown kind; known are 0 (camera) and 1 (IMU)"
 
@@ -215,9 +214,5 @@ def _of_frames(frames: Sequence[ColmapFrame], of_rig: Mapping[int, set[tuple[int
             yield f"frame {frame.id} is of rig {frame.rig}, which is not among the rigs"
         elif any((kind, sensor) not in of_rig[frame.rig] for kind, sensor, _ in frame.data):
             yield f"frame {frame.id} has a datum of a sensor that is not on its rig {frame.rig}"
-        if not _is_pose(frame.pose):
-            yield f"frame {frame.id} has no rotation, or a pose that is not finite"
-
-
-def _is_pose(pose: Pose) -> bool:
-    return all(map(math.isfinite, pose)) and any(pose[:4])
+        if not is_pose(frame.pose):
+            yield f"frame {frame.id} has no rotation, or a pose with impossible numbers"
