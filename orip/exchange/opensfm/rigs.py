@@ -157,7 +157,7 @@ def set_rigs(part: dict[str, Any], project: ExchangedProject) -> None:
     for shot in part["shots"]:
         if shot not in done:
             own = of_camera.get(camera_of.get(shot, -1), str(part["shots"][shot].get("camera")))
-            rig_cameras.setdefault(own, {"rotation": [0.0] * 3, "translation": [0.0] * 3})
+            rig_cameras.setdefault(own, _in_its_place())
             _add_instance(part, instances, instance_of.get(shot, (shot, ""))[0], {shot: own}, before)
     part["rig_instances"] = instances
 
@@ -182,15 +182,21 @@ def _set_mountings(
     found: dict[int, str] = {}
     for rig in project.rigs:
         own = [names.get(one.camera, project.cameras[one.camera].name) for one in rig.mountings]
-        base = matrix_of(rig_cameras.setdefault(own[0], {"rotation": [0.0] * 3, "translation": [0.0] * 3}))
+        base = matrix_of(rig_cameras.setdefault(own[0], _in_its_place()))
         for name, one in zip(own, rig.mountings, strict=True):
             found[one.camera] = name
+            mounted = rig_cameras.setdefault(name, _in_its_place())
             if not one.rotation or not one.offset or one is rig.mountings[0] or base is None:
                 continue
             to_reference = np.eye(4)
             to_reference[:3, :3], to_reference[:3, 3] = np.reshape(one.rotation, (3, 3)), one.offset
-            set_matrix(rig_cameras.setdefault(name, {}), np.linalg.inv(to_reference) @ base)
+            set_matrix(mounted, np.linalg.inv(to_reference) @ base)
     return found
+
+
+def _in_its_place() -> dict[str, Any]:
+    """Return a camera of a rig that is where the rig is."""
+    return {"rotation": [0.0] * 3, "translation": [0.0] * 3}
 
 
 def _add_instance(
