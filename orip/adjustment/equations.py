@@ -157,6 +157,10 @@ class Equations(Struct, frozen=True):
         """Return the equations with the groups for many observations that do not fit."""
         return replace(self, groups=self.wider_groups())
 
+    def effective(self, weights: FloatArray) -> FloatArray:
+        """Return weight factors (n,) with those of inactive observations 0."""
+        return weights if self.active.all() else np.where(self.active, weights, 0.0)
+
     def sizes(self, residual: FloatArray, among: BoolArray) -> FloatArray:
         """Return by what size (n,) each of the residuals (n,) is judged: that of its group, those `among` them."""
         size = np.abs(residual)

@@ -71,7 +71,7 @@ class Exchange(NamedTuple):
         `equations` have the design matrix of the normal equations, whose weights (n,) are given, `normals` their
         constraints.
         """
-        weighted = np.where(equations.active, weights, 0.0) * residual
+        weighted = equations.effective(weights) * residual
         weighted[self.changed] += self.change * residual[self.changed]
         before = normals.solve((equations.design.T @ weighted)[:, None])[:, 0]
         chosen = equations.design[self.changed]
@@ -155,7 +155,7 @@ def exchanges_to_try(
     related = _related(cofactor, weights[rows]) | is_large
     rows, cofactor = rows[related], cofactor[np.ix_(related, related)]
     # the residuals after one more correction with the same normal equations
-    weighted = np.where(equations.active, weights, 0.0) * equations.residual
+    weighted = equations.effective(weights) * equations.residual
     right = equations.design.T @ weighted
     correction = normals.solve(right[:, None])[:, 0]
     residual = equations.residual[rows] - equations.design[rows] @ correction
@@ -307,7 +307,7 @@ def relocations(
     limit : float
         Standard residual up to which an observation has full weight.
     """
-    right = equations.design.T @ (np.where(equations.active, weights, 0.0) * equations.residual)
+    right = equations.design.T @ (equations.effective(weights) * equations.residual)
     remaining = -normals.solve(right[:, None])[:, 0]
     reduced, of_reduced = layout.reduced, remaining[: layout.reduced]
     blocks: dict[bytes, tuple[_Freed, float]] = {}

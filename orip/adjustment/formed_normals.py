@@ -16,7 +16,6 @@ from orip.adjustment.equations import Equations, Layout, Linearised, StateT
 from orip.adjustment.iteration_state import IterationRecord
 from orip.adjustment.normals import SolvedNormals
 from orip.arrays import FloatArray
-from orip.set_aside import set_aside
 from orip.structs import replace
 
 _WORTH_IT = 20_000
@@ -55,12 +54,12 @@ class FormedNormals(Struct, Generic[StateT], frozen=True):
 
     def have_weights(self, equations: Equations, weights: FloatArray) -> bool:
         """Return whether other equations have the same weights (n,), those of inactive observations aside."""
-        mine = effective_weights(self.at.equations, self.weights)
-        return bool(np.array_equal(mine, effective_weights(equations, weights)))
+        mine = self.at.equations.effective(self.weights)
+        return bool(np.array_equal(mine, equations.effective(weights)))
 
     def solved_again(self, equations: Equations, layout: Layout) -> FormedNormals[StateT]:
         """Return them with the correction at another linearisation."""
-        roots = np.sqrt(effective_weights(equations, self.weights))
+        roots = np.sqrt(equations.effective(self.weights))
         misclosure = -roots * np.where(equations.active, equations.residual, 0.0)
         normals = self.normals.with_right_side(equations.rows.right_side(roots, misclosure, layout))
         return replace(self, normals=normals, served_before=True)
@@ -89,8 +88,3 @@ def will_do(formed: FormedNormals[StateT], records: tuple[IterationRecord, ...],
     # else they would have to be formed at the end all the same
     are_of_next = last >= _SAME_PLACE_ENP or next_gain >= _SAME_MATRIX_DIGITS
     return last >= _NEAR_ENP and last + next_gain >= enp_stop and are_of_next
-
-
-def effective_weights(equations: Equations, weights: FloatArray) -> FloatArray:
-    """Return weight factors (n,) with those of inactive observations 0."""
-    return weights if equations.active.all() else set_aside(np.where(equations.active, weights, 0.0))

@@ -213,7 +213,7 @@ def _taken_back(
     normals = solve_normals(equations, back, problem.layout, max_lost_digits).with_constraints(equations)
     moved = now.current
     for _ in range(_MOST_TURNS):
-        weighted = np.where(equations.active, back, 0.0) * moved.equations.residual
+        weighted = equations.effective(back) * moved.equations.residual
         correction = -normals.solve((equations.design.T @ weighted)[:, None])[:, 0]
         state = problem.update(moved.state, correction)
         moved = Linearised(state, problem.linearise(state))

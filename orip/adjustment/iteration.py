@@ -20,7 +20,7 @@ from orip.adjustment.convergence import (
     weights_are_steady,
 )
 from orip.adjustment.equations import Equations, Layout, Linearised, Problem, StateT
-from orip.adjustment.formed_normals import FormedNormals, effective_weights, will_do
+from orip.adjustment.formed_normals import FormedNormals, will_do
 from orip.adjustment.improvement import judged_attempt, next_attempt
 from orip.adjustment.iteration_state import IterationRecord, IterationSettings, IterationState
 from orip.adjustment.normals import SolvedNormals, solve_normals
@@ -28,6 +28,7 @@ from orip.adjustment.precision import cofactors
 from orip.adjustment.step_control import StepControl, judged_residuals, with_blocks_fitted
 from orip.adjustment.weights import SETTLED_ENP, Weighing, has_many_reduced, sums_of_full_weight, weighing_from
 from orip.arrays import BoolArray, FloatArray
+from orip.set_aside import set_aside
 from orip.structs import replace
 
 _SAME_COST_ENP = 2.0
@@ -138,7 +139,7 @@ def adjust(
             held = step.formed if serves and will_do(step.formed, now.records, settings.enp_stop) else None
             del step  # the next normal equations need its memory
     equations, linearised_at, normals = now.current.equations, now.current.state, None
-    final = effective_weights(equations, now.weighing.factors(equations, len(now.records)))
+    final = set_aside(equations.effective(now.weighing.factors(equations, len(now.records))))
     is_full = now.current is step.moved and not step.damped
     if is_full and step.formed.are_of_solution(now.records) and step.formed.have_weights(equations, final):
         equations = replace(equations, rows=step.formed.at.equations.rows)
@@ -344,8 +345,7 @@ def _is_settled(now: IterationState[StateT]) -> bool:
 
 def _had_final_weights(now: IterationState[StateT]) -> bool:
     """Return whether the last iteration was a full step with the final weight function."""
-    last = now.records[-1]
-    return now.weighing.is_final_in(last.iteration) and not last.step_limited
+    return now.weighing.is_final_in(now.records[-1].iteration) and not now.records[-1].step_limited
 
 
 def _has_diverged(now: IterationState[StateT]) -> bool:

@@ -207,8 +207,7 @@ def solve_normals(
     -------
     SolvedNormals
     """
-    active = equations.active
-    weights = weight_factors if active.all() else np.where(active, weight_factors, 0.0)
+    weights = equations.effective(weight_factors)
     normals = equations.rows.eliminated(weights, equations.residual, layout, max_lost_digits, damping)
     held = layout.fixed[: layout.reduced]
     diagonal = np.where(held, 0.0, normals.diagonal)

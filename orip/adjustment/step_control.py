@@ -43,7 +43,7 @@ def with_blocks_fitted(
     """
     layout, state = problem.layout, moved.state
     fixed = layout.fixed[layout.reduced :].reshape(-1, 3)
-    root, lost = np.sqrt(np.where(before.active, weights, 0.0)), _lost(before.residual)
+    root, lost = np.sqrt(before.effective(weights)), _lost(before.residual)
     here = _normals(moved.equations, root, lost, layout)
     damping = np.zeros(layout.blocks)
     for _ in range(_PASSES):
@@ -208,7 +208,7 @@ class StepControl(Struct, frozen=True):
 
 
 def _total_weight(before: Equations, weights: FloatArray) -> float:
-    return max(float(np.where(before.active, weights, 0.0).sum()), 1.0)
+    return max(float(before.effective(weights).sum()), 1.0)
 
 
 def _mean_square(before: Equations, weights: FloatArray, residual: FloatArray) -> float:

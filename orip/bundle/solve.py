@@ -55,6 +55,10 @@ class SolvedBlock(Adjustment[BlockState], frozen=True):
     variance: VarianceOfUnitWeight
     undetermined: BoolArray
 
+    def is_undetermined(self, columns: IntArray) -> BoolArray:
+        """Return which of some unknowns, by their columns of any shape, are not determined; constants never."""
+        return np.asarray((columns != CONSTANT) & self.undetermined[columns])
+
     @property
     def block(self) -> Block:
         """Return the block that was adjusted."""

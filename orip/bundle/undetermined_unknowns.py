@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from orip.adjustment.convergence import TerminationReason
 from orip.adjustment.equations import Equations
@@ -101,6 +102,9 @@ def with_undetermined_held(
 _PLACED = {"PHOTO", "POINT", "EXPOSURE"}
 """Groups whose unknowns, where they are removed, have values that say nothing; a given parameter is one to be held."""
 
+_AT_ONCE = 16
+"""Removed unknowns of which the movements of all others are in memory."""
+
 
 def undetermined_with_removed(
     problem: BlockProblem,
@@ -123,17 +127,20 @@ def undetermined_with_removed(
     ]
     if not columns or problem.datum is not None:
         return removed
-    design = equations.design
-    weights = np.where(equations.active, weight_factors, 0.0)
-    moved = normals.solve(-(design.T @ (weights[:, None] * design[:, columns].toarray())))
-    length = normals.scale[columns] ** 2 + ((moved[:size] * normals.scale[:, None]) ** 2).sum(axis=0)
     variances = np.concatenate([precision.reduced.diagonal(), np.einsum("nii->ni", precision.blocks).ravel()])
-    most = 10.0**-problem.block.definition.max_lost_digits
-    moves = moved**2 > most * length * variances[:, None]
-    moves[columns] = True
+    least = 10.0**-problem.block.definition.max_lost_digits * variances[:, None]
     of_photos = unknowns.photos[(unknowns.photos != CONSTANT).any(axis=1)]
-    of_block = (moves[of_photos] & (of_photos != CONSTANT)[:, :, None]).any(axis=1).all(axis=0)
-    return np.asarray(removed | moves[:, ~of_block].any(axis=1))
+    design, found = equations.design, removed.copy()
+    weighted = csr_array(design.multiply(weight_factors[:, None]))
+    for first in range(0, len(columns), _AT_ONCE):
+        chosen = columns[first : first + _AT_ONCE]
+        moved = normals.solve((design.T @ weighted[:, chosen]).toarray())
+        length = normals.scale[chosen] ** 2 + ((moved[:size] * normals.scale[:, None]) ** 2).sum(axis=0)
+        moves = moved**2 > least * length
+        moves[columns] = True
+        of_block = (moves[of_photos] & (of_photos != CONSTANT)[:, :, None]).any(axis=1).all(axis=0)
+        found |= moves[:, ~of_block].any(axis=1)
+    return found
 
 
 def loose_calibration(

@@ -50,8 +50,9 @@ def read_photomodeler(source: Path, shown: str) -> Parsed[ExchangedProject | Non
     points, rays = CollectedPoints(), CollectedRays()
     sections = _sections(lines, end)
     control = tuple(point for number, line in sections[0] if (point := _control(line, number, faults)) is not None)
+    wanted = len(sections[1][0][1].split()) if sections[1] else 0
     for number, line in sections[1]:
-        words, wanted = line.split(), len(sections[1][0][1].split())
+        words = line.split()
         values = faults.decimals(" ".join(words[1:4]), 3, "object point", number)
         if len(words) != wanted:
             faults.complain(f"object point: {len(words)} fields, and the first one has {wanted}; complete it", number)

@@ -81,7 +81,7 @@ _INTEGER = ctypes.c_int if b", int *" in _name_of_capsule(cython_lapack.__pyx_ca
 
 _Pointer = Any
 
-_LOWER, _TRANSPOSED, _NOT, _RIGHT = (ctypes.byref(ctypes.c_char(letter)) for letter in b"LTNR")
+_LOWER, _TRANSPOSED, _NOT, _LEFT, _RIGHT = (ctypes.byref(ctypes.c_char(letter)) for letter in b"LTNLR")
 _ZERO, _ONE, _MINUS_ONE = (ctypes.byref(ctypes.c_double(value)) for value in (0.0, 1.0, -1.0))
 
 
@@ -227,7 +227,7 @@ def symmetric_times(band: FloatArray, start: int, factor: FloatArray) -> FloatAr
     if factor.size:
         size, columns = factor.shape
         _MULTIPLY_SYMMETRIC(
-            _LOWER, _LOWER, _number(size), _number(columns), _ONE, _part(band, start, start),
+            _LEFT, _LOWER, _number(size), _number(columns), _ONE, _part(band, start, start),
             _number(band.shape[1] - 1), _element(np.array(factor.T, order="C")), _number(size), _ZERO,
             _element(result), _number(size),
         )  # fmt: skip
@@ -242,7 +242,7 @@ def _solve_in_panel(band: FloatArray, start: int, end: int, vectors: FloatArray,
         _SOLVE_VECTOR(_LOWER, trans, _NOT, size, diagonal, stride, _element(vectors, start), _STEP)
         return
     _SOLVE_FULL(
-        _LOWER, _LOWER, trans, _NOT, size, _number(len(vectors)), _ONE, diagonal, stride, _element(vectors, start),
+        _LEFT, _LOWER, trans, _NOT, size, _number(len(vectors)), _ONE, diagonal, stride, _element(vectors, start),
         _number(vectors.shape[1]),
     )  # fmt: skip
 

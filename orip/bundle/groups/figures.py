@@ -96,8 +96,7 @@ class GroupFigures(Struct, frozen=True):
         """Return the figures of an adjusted block, whose observations have these a-priori errors (n,)."""
         rows = [kind.rows for kind in solved.problem.observations]
         equations, numbers = solved.equations, solved.variance.redundancy_numbers
-        active, weight = equations.active, solved.weight_factors
-        weight = weight if active.all() else np.where(active, weight, 0.0)
+        weight = solved.weight_factors
         of_photos = np.concatenate([np.full(len(part.error), part.kind == PHOTO_POINT) for part in rows])
         redundancy = square_sum = 0.0
         for part in parts(len(numbers)):

@@ -56,7 +56,7 @@ def camera_figures(solved: SolvedBlock, camera: int) -> Figures:
     unknowns = solved.problem.unknowns
     count = len(set_names(solved.block.cameras[camera]))
     columns = np.concatenate([unknowns.cameras[camera], unknowns.additional[camera, :count]])
-    return Figures(columns, np.eye(len(columns)), _removed(solved, columns))
+    return Figures(columns, np.eye(len(columns)), solved.is_undetermined(columns))
 
 
 def photo_figures(solved: SolvedBlock, photo: int) -> Figures:
@@ -70,7 +70,7 @@ def photo_figures(solved: SolvedBlock, photo: int) -> Figures:
     columns, partials = _dependence(solved, photo)
     shown = along_diagonal(ground.project_with_partials(centre).by_local[0], turns[photo] * DEGREES_PER_RADIAN)
     touched = along_diagonal(ground.dependence.astype(np.float64), np.eye(3)) @ (partials != 0.0)
-    return Figures(columns, shown @ partials, touched @ _removed(solved, columns) > 0.0)
+    return Figures(columns, shown @ partials, touched @ solved.is_undetermined(columns) > 0.0)
 
 
 def _dependence(solved: SolvedBlock, photo: int) -> tuple[IntArray, FloatArray]:
@@ -141,10 +141,6 @@ def _joined(figures: Sequence[Figures]) -> Figures:
 
 def _rows_of(matrix: FloatArray, rows: IntArray) -> FloatArray:
     return np.where((rows == CONSTANT)[:, None], 0.0, matrix[rows])
-
-
-def _removed(solved: SolvedBlock, columns: IntArray) -> BoolArray:
-    return np.asarray((columns != CONSTANT) & solved.undetermined[columns])
 
 
 class NormalEquations(NamedTuple):

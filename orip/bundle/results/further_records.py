@@ -93,7 +93,7 @@ def _figures(
     unknown: BoolArray = columns != CONSTANT
     touched = shown != 0.0
     sd[~(touched & unknown[:, None, :]).any(axis=2)] = np.nan
-    removed = unknown & solved.undetermined[columns]
+    removed = solved.is_undetermined(columns)
     sd[(touched & removed[:, None, :]).any(axis=2)] = UNDETERMINED
     for (one, other), of_values, of_sd in zip(names, (values * _UNIT).tolist(), sd.tolist(), strict=True):
         for parameter, value, deviation in zip(parameters, of_values, of_sd, strict=True):
@@ -206,7 +206,7 @@ def _instants(block: Block) -> dict[int, object]:
 def _determined(solved: SolvedBlock) -> IntArray:
     """Return the photos of which nothing was removed from the unknowns, but those of rigs, which have mountings."""
     columns, rigs = solved.problem.unknowns.photos, solved.problem.unknowns.rigs
-    found = ~(solved.undetermined[columns] & (columns != CONSTANT)).any(axis=1)
+    found = np.asarray(~solved.is_undetermined(columns).any(axis=1))
     if rigs is not None:
         found[rigs.photo] = False
     return np.flatnonzero(found)
@@ -274,7 +274,7 @@ def _deviations(solved: SolvedBlock) -> FloatArray:
     """
     columns = solved.problem.unknowns.figures
     cofactors = reduced_cofactors(solved, columns)
-    removed = np.append(solved.undetermined, False)[columns]
+    removed = solved.is_undetermined(columns)
     found = np.full((len(columns), 3), np.nan)
     for place, (part, unit) in enumerate(
         ((SHIFTS, 1.0), (TILTS, DEGREES_PER_RADIAN), (slice(RADIUS, RADIUS + 1), 1.0))

@@ -36,8 +36,8 @@ def undetermined_coordinates(solved: SolvedBlock, cofactors: FloatArray) -> Bool
     """
     columns = solved.problem.unknowns.points
     unknown = columns != CONSTANT
-    found = unknown & solved.undetermined[columns]
-    of_found = found.any(axis=1)
+    found = solved.is_undetermined(columns)
+    of_found = np.asarray(found.any(axis=1))
     along = np.zeros_like(found)
     nearest = np.full(len(found), np.inf)
     for part in parts(len(solved.block.photo_points.photo)):
@@ -172,7 +172,7 @@ def deviations(solved: SolvedBlock, columns: IntArray) -> FloatArray:
     cofactor[unknown & ~of_blocks] = solved.cofactors.reduced.diagonal()[columns[unknown & ~of_blocks]]
     cofactor[of_blocks] = solved.cofactors.blocks[block, place, place]
     deviation = solved.deviation_scale * np.sqrt(np.maximum(cofactor, 0.0))
-    deviation[unknown & solved.undetermined[columns]] = UNDETERMINED
+    deviation[solved.is_undetermined(columns)] = UNDETERMINED
     return np.asarray(deviation)
 
 
@@ -190,10 +190,10 @@ def photo_cofactors(solved: SolvedBlock) -> FloatArray:
 def undetermined_photos(solved: SolvedBlock) -> BoolArray:
     """Return which elements of photos (n, 6) depend on an unknown that was removed."""
     unknowns = solved.problem.unknowns
-    found = _removed(solved, unknowns.photos)
+    found = solved.is_undetermined(unknowns.photos)
     partials = solved.state.partials_of_rigs()
     if unknowns.rigs is not None and partials is not None:
-        removed = _removed(solved, unknowns.rigs.of_photos)
+        removed = solved.is_undetermined(unknowns.rigs.of_photos)
         found[unknowns.rigs.photo] = ((partials != 0.0) & removed[:, None, :]).any(axis=2)
     return found
 
@@ -240,10 +240,6 @@ def _place_correlations(cofactors: FloatArray, determined: BoolArray) -> FloatAr
     a, b = [0, 0, 1], [1, 2, 2]
     with np.errstate(divide="ignore", invalid="ignore"):  # what is exactly known has no correlation
         return np.asarray(cofactors[:, a, b] / (deviation[:, a] * deviation[:, b]))
-
-
-def _removed(solved: SolvedBlock, columns: IntArray) -> BoolArray:
-    return np.asarray((columns != CONSTANT) & solved.undetermined[columns])
 
 
 def undetermined_points(solved: SolvedBlock) -> BoolArray:
