@@ -60,7 +60,7 @@ def open_project(folder: str | PathLike[str]) -> Project:
     LockedError
         If another run holds the project for too long.
     """
-    state = read_project(Path(folder), *_READ, checked=True)
+    state = read_project(Path(folder), *_READ)
     raise_complaints(state.texts.faults().complaints)
     return Project(state)
 

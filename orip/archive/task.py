@@ -226,7 +226,7 @@ def first_line(error: OripError) -> str:
 
 def _adjusted(task: ProjectTask) -> Tables:
     folder, settings = Path(task.folder), task.settings
-    state = read_project(folder, *INITIALISED_FROM, checked=True)
+    state = read_project(folder, *INITIALISED_FROM)
     outcomes = run(state, None, _SILENT, RunSettings(None, settings.method, settings.gates))
     if settings.report and outcomes:
         state = state.read_again(*REPORTED_FROM)

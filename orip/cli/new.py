@@ -290,7 +290,7 @@ def register(app: typer.Typer) -> None:
         from orip.workflow.project.state import read_project
         from orip.workflow.records.initialise import INITIALISED_FROM, initialise
 
-        state = read_project(invocation.folder, *INITIALISED_FROM, checked=True)
+        state = read_project(invocation.folder, *INITIALISED_FROM)
         outcome = carry_out(state, partial(initialise, prefer=prefer)).outcome
         tell(invocation.terminal, outcome)
         if invocation.terminal.json:

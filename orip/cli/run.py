@@ -87,7 +87,7 @@ def run_project(
         processed=partial(_tell_processed, terminal),
     )
     with limited_threads(terminal.threads):
-        state = read_project(folder, *INITIALISED_FROM, checked=True)
+        state = read_project(folder, *INITIALISED_FROM)
         outcomes = run(state, prefer, watcher, settings or EVERYTHING)
     if shown != "no report" and outcomes:
         state = state.read_again(*REPORTED_FROM)

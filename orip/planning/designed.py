@@ -170,7 +170,7 @@ def given_plan(state: ProjectState, bundle: str | None) -> Given:
 
 def read_plan(folder: Path, bundle: str | None) -> Given:
     """Read what the plan of a project folder is made from; see `given_plan`."""
-    return given_plan(read_project(folder, checked=True), bundle)
+    return given_plan(read_project(folder), bundle)
 
 
 def camera_of(cameras: Sequence[Camera], name: str) -> Camera:

@@ -111,4 +111,4 @@ def _with_stations(state: ProjectState, watcher: RunWatcher) -> ProjectState:
     for label, text, warnings in annex(STATION_STEPS).process_stations(state):
         watcher.processed(label, text, warnings)
         is_changed = True
-    return read_project(state.project.folder, *state.parts, checked=True) if is_changed else state
+    return read_project(state.project.folder, *state.parts) if is_changed else state

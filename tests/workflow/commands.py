@@ -39,7 +39,7 @@ from orip.workflow.status import project_status as status_of
 
 
 def initialise(folder: Path, prefer: Prefer | None = None) -> Initialised:
-    state = read_project(folder, *INITIALISED_FROM, checked=True)
+    state = read_project(folder, *INITIALISED_FROM)
     return carry_out(state, partial(_initialise.initialise, prefer=prefer)).outcome
 
 

@@ -25,7 +25,7 @@ def run_quietly(folder: Path, prefer: Prefer | None = None) -> tuple[SolveOutcom
     """Do what `orip run` does."""
     with threadpool_limits(1):  # as the command line does: with more threads the last digits vary
         watcher = RunWatcher(hear_nothing, hear_nothing, NOBODY, hear_nothing, hear_nothing, lambda *_: None)
-        return run(read_project(folder, *INITIALISED_FROM, checked=True), prefer, watcher)
+        return run(read_project(folder, *INITIALISED_FROM), prefer, watcher)
 
 
 def solve_quietly(folder: Path, bundle: str | None = None, method: Method = PLAIN) -> SolveOutcome:

@@ -33,7 +33,7 @@ from orip.workflow.project.definitions import (
     require_initialised,
     runs_of_measurements,
 )
-from orip.workflow.project.folder import ProjectFolder, open_project
+from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.texts import Digests, ProjectTexts, open_checked_project
 
 if TYPE_CHECKING:
@@ -188,19 +188,18 @@ def read_state(
     return ProjectState(project, texts or ProjectTexts(project), wanted, tuple(bundles), stored)
 
 
-def read_project(folder: Path, *parts: Part, checked: bool = False) -> ProjectState:
+def read_project(folder: Path, *parts: Part) -> ProjectState:
     """Read orip.toml of a folder, and parts of the stores: observations and solutions of all bundles of orip.toml.
 
     Raises
     ------
     InputError
-        With everything that is wrong in orip.toml, and if `checked` in the folder's other texts too, or if a store is
-        damaged.
+        With everything that is wrong in orip.toml, and then in the folder's other texts too, or if a store is damaged.
     UsageError
         If there is no such folder.
     LockedError
     """
-    project = open_checked_project(folder) if checked else open_project(folder)
+    project = open_checked_project(folder)
     return read_state(project, parts, project.bundle_names)
 
 
