@@ -15,10 +15,10 @@ from orip.interior.definitions import Definitions
 from orip.records.definition import BundleDefinition
 from orip.records.measurement import PhotoObservations, no_observations
 from orip.records.names import record_key
-from orip.workflow.project.folder import ProjectFolder, open_project
+from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.run_id import digest_of_columns, digest_of_digests, digest_of_records
 from orip.workflow.project.state import Part, ProjectState, read_state
-from orip.workflow.project.texts import Digests
+from orip.workflow.project.texts import Digests, open_checked_project
 
 if TYPE_CHECKING:
     from orip.interior.in_force import Interior
@@ -173,11 +173,11 @@ def read_bundle(folder: Path, bundle: str | None, *parts: Part) -> BundleState:
     Raises
     ------
     InputError
-        With everything that is wrong in orip.toml, or if a store is damaged.
+        With everything that is wrong in orip.toml, and then in the folder's other texts too, or if a store is damaged.
     UsageError
         If there is no such folder or bundle.
     LockedError
     """
-    project = open_project(folder)
+    project = open_checked_project(folder)
     name = project.bundle_name(bundle)
     return BundleState(read_state(project, parts, [name]), name)
