@@ -55,7 +55,7 @@ class Mistake(Struct, frozen=True):
         What is given contradicts the rest.
     is_serious : bool
         A block that fits is doubtful nevertheless, if it has words.
-    displaces_photos : bool
+    places_photos : bool
         Photos were resected from what is wrong, and placed with it.
     """
 
@@ -66,7 +66,7 @@ class Mistake(Struct, frozen=True):
     comes_first: bool = False
     contradicts_others: bool = False
     is_serious: bool = True
-    displaces_photos: bool = False
+    places_photos: bool = False
 
 
 BAD_START = Consequence(warnings=("preliminary-values", "photo-left-out", "one-ray"))
@@ -104,7 +104,7 @@ def declare(
     comes_first: bool = False,
     contradicts_others: bool = False,
     is_serious: bool = True,
-    displaces_photos: bool = False,
+    places_photos: bool = False,
 ) -> str:
     """Declare a mistake, see `Mistake`, and return its code.
 
@@ -116,7 +116,7 @@ def declare(
     if explains_misfit:
         consequences = (*consequences, ALL_OF_ITS_PHOTO, BAD_START)
     mistake = Mistake(
-        code, words, consequences, explains_misfit, comes_first, contradicts_others, is_serious, displaces_photos
+        code, words, consequences, explains_misfit, comes_first, contradicts_others, is_serious, places_photos
     )
     if _declared.setdefault(code, mistake) != mistake:
         message = f"mistake {code} is declared twice"

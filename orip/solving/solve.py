@@ -152,7 +152,7 @@ def _with_mistakes_of_the_block(
     of_place = {found.where: found for found in reversed(explained) if found.where}
     first = [of_place.get(found.where, found) for found in of_start]
     left_out = list(start.left_out)
-    if any(mistake_of(found.code).displaces_photos for found in explained):
+    if any(mistake_of(found.code).places_photos for found in explained):
         # photos were resected from that control, and placed with it
         return [*first, *(found for found in explained if found not in first), *left_out]
     if left_out:

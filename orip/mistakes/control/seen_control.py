@@ -35,17 +35,13 @@ from orip.structs import replace
 from orip.units import METRES_PER_GROUND_UNIT
 from orip.wording import MOST_TO_CHANGE, counted_names
 
-_CONTROL_OFF = Consequence(warnings=ANOTHER_START, groups=(*ON_GROUND, "check point", "camera"))
+_OFF = Consequence(warnings=ANOTHER_START, groups=(*ON_GROUND, "check point", "camera"))
 """Control that is somewhere else takes all photos with it."""
 
-EXCHANGED_CONTROL = declare(
-    "exchanged-control", "two control points are exchanged", _CONTROL_OFF, displaces_photos=True
-)
-SOME_HEIGHTS = declare(
-    "heights-of-some", "the heights of some control points are off alike", _CONTROL_OFF, displaces_photos=True
-)
+EXCHANGED_CONTROL = declare("exchanged-control", "two control points are exchanged", _OFF, places_photos=True)
+SOME_HEIGHTS = declare("heights-of-some", "the heights of some control points are off alike", _OFF, places_photos=True)
 CONTROL_HEIGHTS = declare(
-    "control-heights", "Z of the control fits only if it is read otherwise", _CONTROL_OFF, displaces_photos=True
+    "control-heights", "Z of the control fits only if it is read otherwise", _OFF, places_photos=True
 )
 
 _FEWEST, _MOST = 4, 24
