@@ -15,6 +15,7 @@ from orip.mistakes.errors_too_small import errors_too_small
 from orip.mistakes.marks.all_films import MARKS_GIVEN_WRONG, marks_of_all_films
 from orip.mistakes.marks.misnamed import misnamed_marks
 from orip.mistakes.marks.points import points_in_another_unit
+from orip.mistakes.mistake import OTHER_FRAME, declare
 from orip.mistakes.names import figures_told, name_warnings, photos_under_two_names
 from orip.mistakes.other_units import millimetres_per_unit
 from orip.mistakes.outside_frame import TURNED_SENSOR, exchanged_templates, points_outside_frames
@@ -25,6 +26,8 @@ from orip.records.control import Control
 from orip.records.measurement import Measured
 from orip.records.names import record_key
 from orip.units import MILLIMETRES_PER_INCH
+
+SENSELESS = declare("senseless-camera", "", OTHER_FRAME, explains_misfit=True)
 
 SQUARE_PIXELS = "but pixels are square"
 
@@ -219,7 +222,7 @@ def camera_warnings(camera: Camera) -> Iterator[ProjectWarning]:
     where = f"camera {camera.name}"
     for text in (_angle_of_view(camera), _pixels(camera), _from_the_corner(camera)):
         if text:
-            yield ProjectWarning("senseless-camera", where, text)
+            yield ProjectWarning(SENSELESS, where, text)
 
 
 def _angle_of_view(camera: Camera) -> str:
