@@ -76,6 +76,7 @@ from orip.exchange.vision.openmvg import (
 )
 from orip.exchange.vision.openmvg import READING as OPENMVG
 from orip.exchange.vision.opf import is_opf, read_opf
+from orip.workflow.project.folder import PROJECT_FILE
 
 
 def _never(_original: Path) -> bool:
@@ -356,7 +357,10 @@ def guessed_source(path: Path) -> tuple[Format, Path]:
         If it looks like none, or like several.
     """
     if not path.exists():
-        message = f"there is no '{path}'; name the file or folder of the other program"
+        message = f"there is no '{path}', nor a format '{path.name}'; name the file or folder of the other program"
+        raise UsageError(message)
+    if (path / PROJECT_FILE).is_file():
+        message = f"{path} is a project of orip, not of another program: adjust it with 'orip -C {path} run'"
         raise UsageError(message)
     found = [(one, path) for one in FORMATS_READ if one.recognises(path)]
     if not found and path.is_dir():
