@@ -12,6 +12,7 @@ from msgspec import Struct
 from orip.bundle.ground_system import CONTROL_LINE
 from orip.bundle.groups.words import CODE, EXPLAINED, group_name
 from orip.bundle.results.reliability import has_suspects
+from orip.bundle.results.unchecked_photos import UNCHECKED
 from orip.records.results.solution import Diagnosis, Solution
 from orip.records.results.tests import NOT_DETERMINED
 from orip.wording import counted
@@ -26,9 +27,6 @@ TWO_PLACES = "two-places"
 
 OTHER_ORIENTATION = "other-orientation"
 """Code of the diagnosis of photos of few points that fit as well in another place."""
-
-UNCHECKED = "unchecked-photo"
-"""Code of the diagnosis of photos that just as many points determine as are needed."""
 
 CONFIDENCE = 0.95
 _FAR_ABOVE = 2.0

@@ -14,10 +14,12 @@ from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.results.ground import undetermined_photos
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT
-from orip.bundle.verdict import UNCHECKED
 from orip.records.coded_names import coded
 from orip.records.results.solution import Diagnosis
 from orip.wording import agreeing, counted, first_names
+
+UNCHECKED = "unchecked-photo"
+"""Code of the diagnosis that names them."""
 
 _NONE = 0.05
 """Redundancy number that is none: of an error a twentieth is seen, found from 18 a-priori errors on (Baarda 1968)."""

@@ -10,7 +10,8 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 from support.synthetic_block import SyntheticBlock, synthetic_block
 
-from orip.bundle.verdict import OTHER_ORIENTATION, UNCHECKED
+from orip.bundle.results.unchecked_photos import UNCHECKED
+from orip.bundle.verdict import OTHER_ORIENTATION
 from orip.records.block import Block
 from orip.records.control import ControlElement
 from orip.records.results.solution import Solution
