@@ -43,10 +43,10 @@ from orip.mistakes.hypothesis import (
     misfit,
     removes_misfits,
 )
-from orip.mistakes.misread_photos import MIRRORED, mirror_readings, mirrored_text
+from orip.mistakes.misread_photos import mirror_readings, mirrored_text
 from orip.mistakes.order import hypotheses_of_failure, hypotheses_of_misfit
 from orip.mistakes.other_units import angles_in_another_unit, errors_too_large
-from orip.mistakes.photo_coordinates import COORDINATE_UNIT, mirrored_alone, mirrored_photos, mirrored_plane
+from orip.mistakes.photo_coordinates import COORDINATE_UNIT, MIRRORED, mirrored_alone, mirrored_photos, mirrored_plane
 from orip.mistakes.photo_precision import IMPRECISE, precision_too_small
 from orip.mistakes.point_numbers import misnamed_points, points_under_two_numbers
 from orip.mistakes.stations.along_flight import along_the_flight

@@ -13,9 +13,12 @@ from orip.bundle.solve import SolvedBlock
 from orip.geometry.rotation import angles_from_rotation
 from orip.mistakes.hypothesis import Hypothesis, Readjuster, finding, fit_of_adjustment, is_good
 from orip.mistakes.misread_photos import FEWEST, FittingReading, fitting_reading, mirror_readings
+from orip.mistakes.mistake import MISPLACED_PHOTO, declare
 from orip.records.block import Block
 from orip.structs import replace
 from orip.wording import counted_names
+
+_CONTRADICTING = declare("contradicting-photo", "", MISPLACED_PHOTO)
 
 _LARGEST_SIGMA0 = 6.0
 """sigma0 of the others above which a complete adjustment without the photo is not worth its time: three times that of a
@@ -135,7 +138,7 @@ def _contradicting(names: Sequence[str], without: Block) -> Hypothesis:
         f"and {its} measurements, or leave {them} out"
     )
     # the photo itself has no starting value
-    return Hypothesis(without, finding("contradicting-photo", counted_names("photo", names), text), concerns_start=True)
+    return Hypothesis(without, finding(_CONTRADICTING, counted_names("photo", names), text), concerns_start=True)
 
 
 def _with_cameras_of(solved: SolvedBlock, block: Block) -> Block:

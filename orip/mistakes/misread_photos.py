@@ -11,7 +11,9 @@ from msgspec import Struct
 from orip.arrays import FloatArray, IntArray
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.interior.image_coordinates import are_equidistant, image_vectors, suit_plane_image
-from orip.mistakes.photo_coordinates import exchanged_axes
+from orip.mistakes.exchanged_photos import OTHER_CAMERA
+from orip.mistakes.mistake import MISPLACED_PHOTO, Consequence, declare
+from orip.mistakes.photo_coordinates import MIRRORED, RESOLUTION, exchanged_axes
 from orip.records.block import Block
 from orip.structs import replace
 
@@ -35,7 +37,9 @@ _RESOLUTIONS = (2.0, 4.0)
 _SAME_DIRECTION = np.radians(30.0)
 """Rotation within which a given KAPPA shows which axis was mirrored."""
 
-MIRRORED = "mirrored"
+TURNED = declare("turned", "", MISPLACED_PHOTO, Consequence(warnings=("points-outside",), of_same_photo=True))
+_EXCHANGED_AXES = declare("exchanged-axes", "", MISPLACED_PHOTO)
+_SHIFTED = declare("shifted-numbers", "", MISPLACED_PHOTO)
 
 
 class Reading(Struct, frozen=True):
@@ -152,13 +156,13 @@ def _readings(block: Block, photo: int) -> Iterator[Reading]:
                 f"it fits when its pixels are multiplied by {factor:g}: it was measured at a lower resolution; measure "
                 "the picture in its full size, or multiply columns and rows"
             )
-            yield Reading("resolution", _with_xy(block, rows, (xy + half) * factor - half), text)
+            yield Reading(RESOLUTION, _with_xy(block, rows, (xy + half) * factor - half), text)
         if any(block.cameras[block.photo_camera[photo]].parameters[1:3]):  # else the photo is turned, and fits
             text = (
                 "it fits when its picture is turned by 180°; turn it as the others are, and measure it again (or write "
                 f"{sensor.columns} - column and {sensor.rows} - row)"
             )
-            yield Reading("turned", _with_xy(block, rows, -xy), text)
+            yield Reading(TURNED, _with_xy(block, rows, -xy), text)
     yield from _other_cameras(block, photo)
     yield from _shifted_numbers(block, rows)
 
@@ -174,7 +178,7 @@ def mirror_readings(block: Block, photo: int) -> Iterator[Reading]:
     sensor = camera.sensor
     if sensor is not None and sensor.width != sensor.height:
         text = "it fits when columns and rows are exchanged in it, a mirror image; write the column first"
-        yield Reading("exchanged-axes", _with_xy(block, rows, exchanged_axes(xy, sensor)), text)
+        yield Reading(_EXCHANGED_AXES, _with_xy(block, rows, exchanged_axes(xy, sensor)), text)
 
 
 def _with_xy(block: Block, rows: IntArray, xy: FloatArray) -> Block:
@@ -196,7 +200,7 @@ def _other_cameras(block: Block, photo: int) -> Iterator[Reading]:
             f"it fits with camera {camera.name}, and not with {own.name}; write "
             f'camera = "{camera.name}" in its [[photo]]'
         )
-        yield Reading("other-camera", replace(block, cameras=known, photo_camera=photo_camera), text)
+        yield Reading(OTHER_CAMERA, replace(block, cameras=known, photo_camera=photo_camera), text)
 
 
 def _shifted_numbers(block: Block, rows: IntArray) -> Iterator[Reading]:
@@ -204,7 +208,7 @@ def _shifted_numbers(block: Block, rows: IntArray) -> Iterator[Reading]:
         point = block.photo_points.point.copy()
         point[rows] = np.roll(point[rows], step)
         text = f"it fits when the numbers in its POINTS lines are moved {way} by a line: they are shifted; correct them"
-        yield Reading("shifted-numbers", replace(block, photo_points=replace(block.photo_points, point=point)), text)
+        yield Reading(_SHIFTED, replace(block, photo_points=replace(block.photo_points, point=point)), text)
 
 
 def mirrored_text(block: Block, photo: int, rotation: FloatArray | None = None) -> str:
