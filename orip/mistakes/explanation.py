@@ -158,7 +158,7 @@ def _of_precision(misfit: Misfit) -> list[ProjectWarning]:
 
 def _of_ground(misfit: Misfit, given: Fit) -> list[ProjectWarning]:
     """Return what is wrong with rigs, control or stations, from where the block has them."""
-    found = contradicting_rigs(misfit.solved, given, misfit.readjuster) or reduced_control(misfit)
+    found = contradicting_rigs(misfit, given) or reduced_control(misfit)
     found = found or misread_control_points(misfit)
     return found or _of_all_stations(misfit)
 
