@@ -41,6 +41,8 @@ _SMALLEST_PIXEL, _SMALL_PIXEL = 1e-4, 1e-3
 """mm. The first is a fifth of the wavelength of light, and of the smallest pixel that is made; few are smaller than the
 second."""
 
+_PIXEL_IN_MICROMETRES = "the size of a pixel in µm"
+
 _SIZES = (1.0, 300.0)
 """Longer sides of frames, mm: of phones, of aerial cameras."""
 
@@ -100,7 +102,7 @@ def _sizes_meant(sensor: Sensor) -> dict[str, tuple[float, float]]:
     sizes["in inches"] = (width * MILLIMETRES_PER_INCH, height * MILLIMETRES_PER_INCH)
     if _are_square(width, height):
         sizes["the size of a pixel in mm"] = (width * sensor.columns, height * sensor.rows)
-        sizes["the size of a pixel in µm"] = (width * sensor.columns * 1e-3, height * sensor.rows * 1e-3)
+        sizes[_PIXEL_IN_MICROMETRES] = (width * sensor.columns * 1e-3, height * sensor.rows * 1e-3)
     return {what: size for what, size in sizes.items() if _are_square(size[0] / sensor.columns, size[1] / sensor.rows)}
 
 
@@ -265,6 +267,10 @@ def _pixels(camera: Camera) -> str:
     text = f"the sensor's pixels would be {width * 1e3:.3g} x {height * 1e3:.3g} µm, {SQUARE_PIXELS}"
     if _are_square(sensor.height / sensor.columns, sensor.width / sensor.rows):
         return f"{text}; they are if width and height are exchanged: exchange them"
+    size = _sizes_meant(sensor).get(_PIXEL_IN_MICROMETRES)
+    if size and _is_usual(camera, size):
+        meant = f"width = {size[0]:.5g}, height = {size[1]:.5g}"
+        return f"{text}; width and height seem to be {_PIXEL_IN_MICROMETRES}: write {meant} (mm)"
     return f"{text}; check columns, rows, width and height of the sensor (of the image as measured: not cropped)"
 
 

@@ -70,19 +70,12 @@ class _Found(NamedTuple):
     covariances: dict[int, FloatArray]
 
 
-def contradicting_rigs(misfit: Misfit, given: Fit) -> list[ProjectWarning]:
-    """Return what is wrong with rigs and exposures; nothing where photos on their own do not fit either.
-
-    Parameters
-    ----------
-    misfit : Misfit
-    given : Fit
-        How its observations fit.
-    """
+def contradicting_rigs(misfit: Misfit) -> list[ProjectWarning]:
+    """Return what is wrong with rigs and exposures; nothing where photos on their own do not fit either."""
     solved, readjuster = misfit.solved, misfit.readjuster
     if solved.problem.unknowns.rigs is None or not readjuster.is_worthwhile:
         return []
-    if not (_is_doubtful(given) or any(group.doubted for group in misfit.solution.groups)):
+    if not (_is_doubtful(fit_of_adjustment(solved)) or any(group.doubted for group in misfit.solution.groups)):
         return []
     said = readjuster.block.rigs
     for free in _without_mountings(solved, readjuster):

@@ -25,7 +25,8 @@ _SAME_PHOTO = declare("same-photo", explains_misfit=True)
 
 _NAMED = 3
 
-_ENDING = re.compile(r"\.(jpe?g|tiff?|png|dng|nef|cr[23]|arw|raf|rw2|orf)$", re.IGNORECASE)
+_ENDING = re.compile(r"\.(jpe?g|tiff?|png|dng|nef|cr[23]|arw|raf|rw2|orf|0)$", re.IGNORECASE)
+"""Of image files, and of numbers that a spreadsheet took for measured ones."""
 _SEPARATORS = re.compile(r"[-_.]")
 _ZEROS = re.compile(r"(?<!\d)0+(?=\d)")
 """Leading zeros of a number in a name."""
