@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from support.rig_blocks import from_nothing, rig_block, without_common_view
 
-from orip.mistakes.contradicting_rigs import EXCHANGED_CAMERAS, MISREAD_MOUNTING, MOUNTING, _compared, _Found
+from orip.mistakes.rigs.contradicting_rigs import EXCHANGED_CAMERAS, MISREAD_MOUNTING, MOUNTING, _compared, _Found
 from orip.records.rig import Mounting
 from orip.solving.solve import solve
 from orip.structs import replace

@@ -21,8 +21,8 @@ from orip.geometry.rotation import (
     rotation_vectors_with_partials,
 )
 from orip.mistakes.hypothesis import Fit, Misfit, Readjuster, fit_of_adjustment, is_good
-from orip.mistakes.misread_mountings import Pose, other_mountings
 from orip.mistakes.mistake import ANOTHER_START, ON_GROUND, Consequence, declare
+from orip.mistakes.rigs.misread_mountings import Pose, other_mountings
 from orip.records.observation_kinds import MOUNTING as OBSERVED_MOUNTING
 from orip.records.observation_kinds import PHOTO_POINT
 from orip.records.rig import Mounting, Rig, Rigs
