@@ -15,6 +15,7 @@ from orip.geometry.projection import PROJECTIONS
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.mounting import frame_corners
 from orip.mistakes.hypothesis import Hypothesis, finding
+from orip.mistakes.mistake import BAD_START, ON_GROUND, Consequence, declare
 from orip.mistakes.other_units import millimetres_per_unit
 from orip.records.block import Block
 from orip.records.camera import CAMERA_PARAMETERS, READOUT, Camera
@@ -39,10 +40,13 @@ def is_possible_view(c: float, diagonal: float) -> bool:
 
 _PRINCIPAL_POINT = slice(1, 3)
 _DISTORTION = slice(3, READOUT)
-DISTORTION_SIGN, POINT_SIGN, DISTORTION, NOT_SQUARE = CAMERA_SIGNS = (
-    "distortion-sign", "principal-point-sign", "distortion", "pixels-not-square",
-)  # fmt: skip
-"""Codes of what is wrong with a camera beside its principal distance."""
+_OTHER_CAMERA = Consequence(groups=ON_GROUND)
+"""A camera displaces photos along their axes, and these the control."""
+
+DISTORTION_SIGN = declare("distortion-sign", "", BAD_START, _OTHER_CAMERA)
+POINT_SIGN = declare("principal-point-sign", "", BAD_START, _OTHER_CAMERA)
+DISTORTION = declare("distortion", "", BAD_START, _OTHER_CAMERA)
+NOT_SQUARE = declare("pixels-not-square", "", BAD_START, _OTHER_CAMERA, Consequence(groups=("distance",)))
 
 _ROUNDED, _NOT_SQUARE = 1e-5, 0.02
 """What the ratio of the sides of a pixel differs from 1 by where a size was rounded."""
@@ -142,7 +146,7 @@ def _is_unknown(camera: Camera) -> BoolArray:
 # Where the photos' orientations are roughly known, the adjustment starts from the value that follows from points with
 # given coordinates.
 
-OTHER_LENS = "principal-distance"
+OTHER_LENS = declare("principal-distance", "", BAD_START, _OTHER_CAMERA)
 
 _NEAR_AXIS = 0.02
 """Angle, radians, from the camera's axis below which a point says nothing about the principal distance."""

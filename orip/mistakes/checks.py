@@ -11,20 +11,23 @@ from orip.interior.definitions import Definitions
 from orip.interior.in_force import Interior
 from orip.interior.mounting import frame_corners
 from orip.mistakes.camera_values import is_possible_view
-from orip.mistakes.errors_too_small import errors_too_small
 from orip.mistakes.marks.all_films import MARKS_GIVEN_WRONG, marks_of_all_films
 from orip.mistakes.marks.misnamed import misnamed_marks
 from orip.mistakes.marks.points import points_in_another_unit
+from orip.mistakes.mistake import OTHER_FRAME, declare
 from orip.mistakes.names import figures_told, name_warnings, photos_under_two_names
 from orip.mistakes.other_units import millimetres_per_unit
 from orip.mistakes.outside_frame import TURNED_SENSOR, exchanged_templates, points_outside_frames
 from orip.mistakes.photo_coordinates import coordinates_in_other_units, find_reduced_pictures
+from orip.mistakes.stations.errors_too_small import errors_too_small
 from orip.records.block import Block
 from orip.records.camera import CAMERA_PARAMETERS, Camera, Sensor
 from orip.records.control import Control
 from orip.records.measurement import Measured
 from orip.records.names import record_key
 from orip.units import MILLIMETRES_PER_INCH
+
+SENSELESS = declare("senseless-camera", "", OTHER_FRAME, explains_misfit=True)
 
 SQUARE_PIXELS = "but pixels are square"
 
@@ -37,6 +40,8 @@ _NO_LENS = 0.01
 _SMALLEST_PIXEL, _SMALL_PIXEL = 1e-4, 1e-3
 """mm. The first is a fifth of the wavelength of light, and of the smallest pixel that is made; few are smaller than the
 second."""
+
+_PIXEL_IN_MICROMETRES = "the size of a pixel in µm"
 
 _SIZES = (1.0, 300.0)
 """Longer sides of frames, mm: of phones, of aerial cameras."""
@@ -97,7 +102,7 @@ def _sizes_meant(sensor: Sensor) -> dict[str, tuple[float, float]]:
     sizes["in inches"] = (width * MILLIMETRES_PER_INCH, height * MILLIMETRES_PER_INCH)
     if _are_square(width, height):
         sizes["the size of a pixel in mm"] = (width * sensor.columns, height * sensor.rows)
-        sizes["the size of a pixel in µm"] = (width * sensor.columns * 1e-3, height * sensor.rows * 1e-3)
+        sizes[_PIXEL_IN_MICROMETRES] = (width * sensor.columns * 1e-3, height * sensor.rows * 1e-3)
     return {what: size for what, size in sizes.items() if _are_square(size[0] / sensor.columns, size[1] / sensor.rows)}
 
 
@@ -217,7 +222,7 @@ def camera_warnings(camera: Camera) -> Iterator[ProjectWarning]:
     where = f"camera {camera.name}"
     for text in (_angle_of_view(camera), _pixels(camera), _from_the_corner(camera)):
         if text:
-            yield ProjectWarning("senseless-camera", where, text)
+            yield ProjectWarning(SENSELESS, where, text)
 
 
 def _angle_of_view(camera: Camera) -> str:
@@ -262,6 +267,10 @@ def _pixels(camera: Camera) -> str:
     text = f"the sensor's pixels would be {width * 1e3:.3g} x {height * 1e3:.3g} µm, {SQUARE_PIXELS}"
     if _are_square(sensor.height / sensor.columns, sensor.width / sensor.rows):
         return f"{text}; they are if width and height are exchanged: exchange them"
+    size = _sizes_meant(sensor).get(_PIXEL_IN_MICROMETRES)
+    if size and _is_usual(camera, size):
+        meant = f"width = {size[0]:.5g}, height = {size[1]:.5g}"
+        return f"{text}; width and height seem to be {_PIXEL_IN_MICROMETRES}: write {meant} (mm)"
     return f"{text}; check columns, rows, width and height of the sensor (of the image as measured: not cropped)"
 
 

@@ -20,7 +20,8 @@ from orip.geometry.rotation import (
     rotation_from_angles,
     rotation_vectors_with_partials,
 )
-from orip.mistakes.hypothesis import Fit, Readjuster, fit_of_adjustment, is_good
+from orip.mistakes.hypothesis import Fit, Misfit, fit_of_adjustment, is_good
+from orip.mistakes.mistake import ANOTHER_START, ON_GROUND, Consequence, declare
 from orip.records.observation_kinds import MOUNTING as OBSERVED_MOUNTING
 from orip.records.observation_kinds import PHOTO_POINT
 from orip.records.rig import Mounting, Rig, Rigs
@@ -32,8 +33,11 @@ if TYPE_CHECKING:
     from orip.bundle.rigs.starting import RigState
     from orip.bundle.solve import SolvedBlock
 
-MOUNTING, EXCHANGED_CAMERAS = "mounting", "exchanged-cameras"
-"""Codes of warnings of a rig that is not as it is said to be."""
+_BENT = Consequence(warnings=ANOTHER_START, groups=(*ON_GROUND, "check point", "camera", "photo"))
+"""Cameras that are not where a rig has them bend all that it holds."""
+
+MOUNTING = declare("mounting", "", _BENT)
+EXCHANGED_CAMERAS = declare("exchanged-cameras", "", _BENT)
 
 _SHARE = 0.15
 """Part of the rays of a photo that do not fit where its rig is looked at."""
@@ -59,18 +63,11 @@ class _Found(NamedTuple):
     covariances: dict[int, FloatArray]
 
 
-def contradicting_rigs(solved: SolvedBlock, given: Fit, readjuster: Readjuster) -> list[ProjectWarning]:
-    """Return what is wrong with rigs and exposures; nothing where photos on their own do not fit either.
-
-    Parameters
-    ----------
-    solved : SolvedBlock
-    given : Fit
-        How its observations fit.
-    readjuster : Readjuster
-    """
+def contradicting_rigs(misfit: Misfit) -> list[ProjectWarning]:
+    """Return what is wrong with rigs and exposures; nothing where photos on their own do not fit either."""
+    solved, readjuster = misfit.solved, misfit.readjuster
     rigs = solved.problem.unknowns.rigs
-    if rigs is None or not readjuster.is_worthwhile or not _is_doubtful(given):
+    if rigs is None or not readjuster.is_worthwhile or not _is_doubtful(fit_of_adjustment(solved)):
         return []
     state = solved.state
     orientation = np.hstack([state.centres, angles_from_rotation(state.rotations)])

@@ -16,10 +16,13 @@ from orip.geometry.rotation import rotation_from_angles
 from orip.interior.image_coordinates import image_vectors
 from orip.mistakes.control.free_network import free_network
 from orip.mistakes.hypothesis import Hypothesis, finding
+from orip.mistakes.mistake import BAD_START, MISPLACED_PHOTO, declare
 from orip.records.block import Block
 from orip.records.camera import Camera
 from orip.structs import replace
 from orip.wording import counted_names
+
+OTHER_CAMERA = declare("other-camera", "", BAD_START, MISPLACED_PHOTO)
 
 
 def other_cameras(block: Block, photos: Sequence[str]) -> Iterator[Hypothesis]:
@@ -42,7 +45,7 @@ def other_cameras(block: Block, photos: Sequence[str]) -> Iterator[Hypothesis]:
                 f'camera = "{camera.name}" in its [[photo]]'
             )
             changed = _with_camera_of_photo(block, rows[name], camera)
-            yield Hypothesis(changed, finding("other-camera", f"photo {name}", text))
+            yield Hypothesis(changed, finding(OTHER_CAMERA, f"photo {name}", text))
 
 
 def _with_camera_of_photo(block: Block, photo: int, camera: Camera) -> Block:
@@ -123,7 +126,7 @@ _FEWEST_OF_A_FLIGHT, _FEWEST_SHARED = 2, 8
 """Photos that can fit each other, and points of the others that they share: with fewer they are not connected."""
 
 
-ANOTHER_FLIGHT = "another-flight"
+ANOTHER_FLIGHT = declare("another-flight", "", BAD_START)
 
 
 def another_flight(block: Block, not_oriented: Sequence[str]) -> Iterator[Hypothesis]:

@@ -11,6 +11,7 @@ from msgspec import Struct
 from orip.arrays import FloatArray, parts
 from orip.errors import NotSolvableError, ProjectWarning
 from orip.geometry.rotation import angles_from_rotation
+from orip.mistakes.mistake import mistake_of
 from orip.records.block import Block
 from orip.records.coded_names import CodedNames, joined, repeated
 from orip.structs import replace
@@ -189,13 +190,6 @@ _ITERATIONS_OF_A_TRIAL = 20
 _MOST_PHOTO_POINTS = 20_000
 """Most photo points: in larger blocks further adjustments would take longer than a user wants to wait."""
 
-EXPLAINING_WARNINGS = {
-    "misnamed-marks", "outside-frame", "senseless-camera", "coordinate-unit", "same-photo", "other-spelling",
-    "ground-system", "degrees", "resolution", "misread-mark", "exchanged-templates", "mark-unit",
-    "mark-transformation", "point-unit",
-}  # fmt: skip
-"""Codes of warnings that already explain a misfit."""
-
 
 class Readjuster(Struct, frozen=True):
     """Adjusts a block again.
@@ -224,7 +218,12 @@ class Readjuster(Struct, frozen=True):
     @property
     def is_worthwhile(self) -> bool:
         """Return whether to adjust again: the block is not too large, and no warning explains its misfit already."""
-        return self.is_small and not any(warning.code in EXPLAINING_WARNINGS for warning in self.block.warnings)
+        return self.is_small and not self.explaining
+
+    @property
+    def explaining(self) -> set[str]:
+        """Return the codes of the warnings that already explain a misfit."""
+        return {warning.code for warning in self.block.warnings if mistake_of(warning.code).explains_misfit}
 
     def adjust(self, block: Block) -> SolvedBlock | None:
         """Return the adjustment of a block, None where there is none.

@@ -13,17 +13,20 @@ import numpy as np
 
 from orip.arrays import IntArray, parts
 from orip.errors import ProjectWarning
+from orip.mistakes.mistake import declare
 from orip.records.block import Block, IndexedPhotoPoints
 from orip.records.control import Control, ControlElement, PreliminaryPoint
 from orip.records.names import look_alikes, near_names, record_key
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.wording import agreeing, counted_names, first_names, joined
 
-OTHER_SPELLING = "other-spelling"
+OTHER_SPELLING = declare("other-spelling", explains_misfit=True, comes_first=True)
+_SAME_PHOTO = declare("same-photo", explains_misfit=True)
 
 _NAMED = 3
 
-_ENDING = re.compile(r"\.(jpe?g|tiff?|png|dng|nef|cr[23]|arw|raf|rw2|orf)$", re.IGNORECASE)
+_ENDING = re.compile(r"\.(jpe?g|tiff?|png|dng|nef|cr[23]|arw|raf|rw2|orf|0)$", re.IGNORECASE)
+"""Of image files, and of numbers that a spreadsheet took for measured ones."""
 _SEPARATORS = re.compile(r"[-_.]")
 _ZEROS = re.compile(r"(?<!\d)0+(?=\d)")
 """Leading zeros of a number in a name."""
@@ -369,4 +372,4 @@ def _warning(block: Block, one: int, other: int, count: int) -> ProjectWarning:
         f"all {count} points that it shares with photo {first} are at the same place in both: probably one photo that "
         "was measured under two names and counts twice; remove one of them"
     )
-    return ProjectWarning("same-photo", f"photo {second}", text)
+    return ProjectWarning(_SAME_PHOTO, f"photo {second}", text)

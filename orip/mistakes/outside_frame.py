@@ -12,6 +12,7 @@ from orip.arrays import FloatArray, IntArray
 from orip.errors import ProjectWarning
 from orip.geometry.plane import PlaneTransformation
 from orip.interior.definitions import Definitions
+from orip.mistakes.mistake import BENT_PICTURES, OTHER_FRAME, declare
 from orip.records.camera import Camera, Sensor
 from orip.records.coded_names import rows_of_records
 from orip.records.measurement import Measured, PhotoObservations
@@ -42,6 +43,7 @@ _FULL = 0.9
 
 TURNED_SENSOR = "; none would if columns and rows were exchanged"
 
+_OUTSIDE = declare("outside-frame", "", OTHER_FRAME, explains_misfit=True)
 STRAY_POINTS = "points-outside"
 """Code of the warning that some points of one photo lie outside, which further adjustments may explain."""
 
@@ -124,7 +126,7 @@ def _off_sensors(
                 "; check columns and rows of the sensor, and whether the photos are uncropped ones of this camera"
                 f"{lens}"
             )
-        yield ProjectWarning("outside-frame", f"camera {definitions.cameras[key].name}", text)
+        yield ProjectWarning(_OUTSIDE, f"camera {definitions.cameras[key].name}", text)
 
 
 def _stray_points(photo: str, outside: NDArray[np.bool_], sensor: Sensor) -> ProjectWarning:
@@ -165,7 +167,7 @@ def _in_portrait(off: list[str], points: Mapping[str, FloatArray], size: FloatAr
             "turned by 90 degrees (or its columns and rows are exchanged); turn it as the others are, and measure it "
             "again"
         )
-        yield ProjectWarning("outside-frame", f"photo {name}", text)
+        yield ProjectWarning(_OUTSIDE, f"photo {name}", text)
 
 
 def _off(pixels: FloatArray, size: FloatArray) -> NDArray[np.bool_]:
@@ -197,7 +199,7 @@ def _off_films(
                 f"{_count(outside)} lie outside its fiducial marks, but within those of photo {there[0]}, and those of "
                 f"{there[0]} within its own: the two are exchanged; exchange the names in the POINTS lines"
             )
-            yield ProjectWarning("outside-frame", f"photo {photo.name}", text)
+            yield ProjectWarning(_OUTSIDE, f"photo {photo.name}", text)
         else:
             found.setdefault((photo.template or "", record_key(photo.camera)), []).append(photo.name)
     for (template, _), names in found.items():
@@ -208,7 +210,7 @@ def _off_films(
             if template
             else "fiducial marks or points are those of another photo or mounting; measure the fiducial marks again"
         )
-        yield ProjectWarning("outside-frame", where, f"most of the points lie outside the fiducial marks: {cause}")
+        yield ProjectWarning(_OUTSIDE, where, f"most of the points lie outside the fiducial marks: {cause}")
 
 
 _AT_EDGE, _PART = 0.02, 0.1
@@ -240,10 +242,10 @@ def _beside_frames(
             f"measured in another mounting than their marks; check that the tick marks of "
             f"{counted_names('template', templates)} were measured at each mounting, and under the right name"
         )
-        yield ProjectWarning("outside-frame", counted_names("photo", [photo.name for photo, _ in displaced]), text)
+        yield ProjectWarning(_OUTSIDE, counted_names("photo", [photo.name for photo, _ in displaced]), text)
 
 
-EXCHANGED_TEMPLATES = "exchanged-templates"
+EXCHANGED_TEMPLATES = declare("exchanged-templates", "", BENT_PICTURES, explains_misfit=True)
 
 
 def exchanged_templates(definitions: Definitions, measured: Measured) -> Iterator[ProjectWarning]:
@@ -283,7 +285,7 @@ def _far_points(
             x, y = xy[far[0]]
             place = f"x {x:.4g}, y {y:.4g} mm"
             text = f"{names} of this photo cannot be on the film ({place}); check the columns of the line: name, x, y"
-            yield ProjectWarning("outside-frame", f"photo {photo.name}", text)
+            yield ProjectWarning(_OUTSIDE, f"photo {photo.name}", text)
 
 
 def _are_in(stored: FloatArray, photo: Photo, to_photo: Mapping[str, PlaneTransformation], camera: Camera) -> bool:

@@ -11,6 +11,7 @@ from orip.errors import ProjectWarning
 from orip.geometry.figures import FittedPlanes, fitted_planes
 from orip.interior.definitions import Definitions
 from orip.mistakes.hypothesis import Hypothesis, finding, photos_stay_near
+from orip.mistakes.mistake import ALL_THE_REST, BAD_START, MISPLACED_PHOTO, declare
 from orip.records.block import Block
 from orip.records.camera import Camera, Sensor
 from orip.records.coded_names import CodedNames, coded
@@ -53,7 +54,9 @@ def points_of_cameras(
 # Cameras with a sensor are measured in pixels: millimetres, or parts of the picture, are far smaller. Those with
 # fiducial marks are scaled by these.
 
-COORDINATE_UNIT = "coordinate-unit"
+COORDINATE_UNIT = declare(
+    "coordinate-unit", "the photo coordinates are in another unit", ALL_THE_REST, explains_misfit=True
+)
 
 _UNITS = {1e3: "micrometres", 1e4: "tenths of micrometres (0.0001 mm)", 1e-3: "metres", 1.0 / 25.4: "inches"}
 """Names of units by their number in a millimetre."""
@@ -186,7 +189,7 @@ def _are_pixels(xy: FloatArray) -> bool:
     return bool(xy.min() >= 0.0 and xy.max() > _LARGEST_FRAME)
 
 
-RESOLUTION = "resolution"
+RESOLUTION = declare("resolution", "", ALL_THE_REST, explains_misfit=True, comes_first=True)
 
 _FACTORS = (2, 4, 8)
 
@@ -251,8 +254,10 @@ def reduced_pictures(block: Block) -> Iterator[Hypothesis]:
                 "rows of the pictures that were measured, with the same width and height"
             )
             changed = replace(block, photo_points=replace(block.photo_points, xy=xy))
-            yield Hypothesis(changed, finding("resolution", f"camera {camera.name}", text))
+            yield Hypothesis(changed, finding(RESOLUTION, f"camera {camera.name}", text))
 
+
+MIRRORED = declare("mirrored", "", BAD_START, MISPLACED_PHOTO)
 
 # A mirrored picture of points in a plane is what a camera behind the plane would see. The adjustment fits, with the
 # cameras on the wrong side; only their given positions show that.
@@ -297,7 +302,7 @@ def mirrored_plane(block: Block, solution: Solution) -> list[ProjectWarning]:
         "are mirrored. Pixel rows may count upwards (they count down from the upper edge), or film may have been "
         "scanned from its back, or X and Y of the control are exchanged (X = east, Y = north)"
     )
-    return [ProjectWarning("mirrored", "photos", text)]
+    return [ProjectWarning(MIRRORED, "photos", text)]
 
 
 def mirrored_alone(block: Block, solution: Solution) -> list[ProjectWarning]:
@@ -336,7 +341,7 @@ def mirrored_alone(block: Block, solution: Solution) -> list[ProjectWarning]:
         "or film may have been scanned from its back; correct the POINTS lines"
     )
     few = len(names) <= max(1.0, _FEW_CHANGE * count)
-    return [ProjectWarning("mirrored", f"photo {name}", text) for name in names if few]
+    return [ProjectWarning(MIRRORED, f"photo {name}", text) for name in names if few]
 
 
 def _is_flat(planes: FittedPlanes, flat: float) -> BoolArray:
@@ -357,12 +362,12 @@ def mirrored_photos(block: Block) -> Iterator[Hypothesis]:
             xy[of_camera, axis] *= -1.0
             changed = replace(block, photo_points=replace(block.photo_points, xy=xy))
             text = f"the photos fit as mirror images: {_text(camera, axis)}"
-            yield Hypothesis(changed, finding("mirrored", f"camera {camera.name}", text), photos_stay_near)
+            yield Hypothesis(changed, finding(MIRRORED, f"camera {camera.name}", text), photos_stay_near)
         xy = block.photo_points.xy.copy()
         xy[of_camera] = xy[of_camera, ::-1] if camera.sensor is None else exchanged_axes(xy[of_camera], camera.sensor)
         changed = replace(block, photo_points=replace(block.photo_points, xy=xy))
         text = f"the photos fit as mirror images: {_EXCHANGED}"
-        yield Hypothesis(changed, finding("mirrored", f"camera {camera.name}", text), photos_stay_near)
+        yield Hypothesis(changed, finding(MIRRORED, f"camera {camera.name}", text), photos_stay_near)
 
 
 def exchanged_axes(xy: FloatArray, sensor: Sensor) -> FloatArray:

@@ -8,17 +8,20 @@ import numpy as np
 
 from orip.errors import ProjectWarning
 from orip.mistakes.hypothesis import Readjuster, fit_of_adjustment, is_good
+from orip.mistakes.mistake import ON_GROUND, Consequence, declare
 from orip.records.block import Block
 from orip.structs import replace
 
 if TYPE_CHECKING:
     from orip.bundle.solve import SolvedBlock
 
-PRECISION, IMPRECISE = "measurement-precision", "imprecise-points"
-"""Codes where the weights bend the block, and where they do not."""
+_WORDS = "the photo points are measured less precisely than is said"
+_BENT = Consequence(warnings=None, groups=(*ON_GROUND, "check point", "camera", "photo"))
+"""Weights that are a hundred times too large bend the block."""
 
-OF_PRECISION = "the photo points are measured less precisely than is said"
-"""What the status says."""
+PRECISION = declare("measurement-precision", _WORDS, _BENT)
+IMPRECISE = declare("imprecise-points", _WORDS, is_serious=False)
+"""The same where they do not."""
 
 _SUSPECTED, _TOO_SMALL, _BENDING, _LARGEST, _ROUGHEST = 1.5, 2.0, 4.0, 200.0, 3.0
 """Standard error of unit weight of most residuals of a block that is bent by its weights, and that of one that is not,

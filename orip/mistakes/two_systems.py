@@ -10,18 +10,25 @@ import numpy as np
 from orip.arrays import FloatArray
 from orip.errors import ProjectWarning
 from orip.geometry.map_zones import readings_in_another_grid
+from orip.mistakes.mistake import STATIONS_OFF, Consequence, declare
 from orip.mistakes.other_units import LENGTH_UNITS
 from orip.records.control import Control
 from orip.records.names import record_key
 from orip.wording import counted_names
 
-GROUND_SYSTEM, IN_DEGREES = "ground-system", "degrees"
+_OTHER_SIZES = Consequence(warnings=("error-unit", "errors-too-small", "distance-unit"), groups=("distance",))
+"""Coordinates in another unit make their errors those of no survey."""
 
-SHORT_TEXTS_OF_SYSTEMS = {
-    GROUND_SYSTEM: "control and positions of the photos are in different systems",
-    IN_DEGREES: "longitude and latitude in degrees stand beside coordinates in units of length",
-}
-"""What the status says, by the code of the warning."""
+GROUND_SYSTEM, IN_DEGREES = CODES = (
+    declare(
+        "ground-system", "control and positions of the photos are in different systems", STATIONS_OFF, _OTHER_SIZES,
+        explains_misfit=True, comes_first=True,
+    ),
+    declare(
+        "degrees", "longitude and latitude in degrees stand beside coordinates in units of length", STATIONS_OFF,
+        _OTHER_SIZES, explains_misfit=True, comes_first=True,
+    ),
+)  # fmt: skip
 
 _FAR, _NEAR = 20.0, 3.0
 """Distances of control and photos, as parts of the larger extent of the two: what cannot be, and what is usual."""

@@ -19,20 +19,18 @@ from orip.bundle.verdict import group_findings
 from orip.errors import ProjectWarning
 from orip.mistakes.ground_systems import control_heights
 from orip.mistakes.hypothesis import DECIDED, Misfit, Readjuster, fit_of_adjustment, is_good
+from orip.mistakes.mistake import BAD_START, Consequence, declare
 from orip.records.block import Block
 from orip.records.results.solution import Solution
 from orip.structs import replace
 from orip.units import METRES_PER_GROUND_UNIT
 from orip.wording import agreeing, counted_names
 
-LOOKING_UP, REDUCED, HEIGHT_UNIT = "looking-up", "reduced-photo", "height-unit"
-
-SHORT_TEXTS_OF_VERTICAL_PHOTOS = {
-    LOOKING_UP: "photos look up from below the ground",
-    REDUCED: "photos of one camera fly at different heights",
-    HEIGHT_UNIT: "Z of the control is in another unit",
-}
-"""What the status says of the block, by the code of the warning."""
+LOOKING_UP = declare("looking-up", "photos look up from below the ground", BAD_START)
+REDUCED = declare("reduced-photo", "photos of one camera fly at different heights", BAD_START)
+HEIGHT_UNIT = declare(
+    "height-unit", "Z of the control is in another unit", BAD_START, Consequence(groups=("camera", "control point"))
+)
 
 _VERTICAL = 0.8
 """Cosine of the angle to the vertical up to which a photo looks down, or up: 37 degrees."""

@@ -1,162 +1,21 @@
-"""What follows from what: warnings and contradictions that are not said where their cause is.
-
-One table, of causes and of what follows from them. A cause is a warning; what follows are other warnings, and groups of
-observations that contradict the others.
-"""
+"""What follows from warnings: others that are not said where their cause is, contradictions, and the first sentence."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 
-from msgspec import Struct
-
-from orip.errors import ProjectWarning
-from orip.mistakes.camera_values import (
-    CAMERA_SIGNS,
-    FAR_FROM_GIVEN,
-    NOT_SQUARE,
-    OTHER_LENS,
-)
-from orip.mistakes.contradicting_rigs import EXCHANGED_CAMERAS, MOUNTING
-from orip.mistakes.control.check_points import HEIGHT_SYSTEM
-from orip.mistakes.control.contradicting_control import CODE as CONTROL
-from orip.mistakes.control.contradicting_distances import DISTANCE_UNIT
-from orip.mistakes.control.distances_alone import CODE as DISTANCE
-from orip.mistakes.control.free_network import DISTANCE_AXES
-from orip.mistakes.control.reduced_control import REDUCED_CONTROL
-from orip.mistakes.control.seen_control import SHORT_TEXTS_OF_CONTROL
-from orip.mistakes.errors_too_small import TOO_SMALL
-from orip.mistakes.exchanged_photos import ANOTHER_FLIGHT
-from orip.mistakes.hypothesis import EXPLAINING_WARNINGS
-from orip.mistakes.marks.all_films import MARK_TRANSFORMATION, MARK_UNIT, MARKS_GIVEN_WRONG
-from orip.mistakes.marks.misnamed import MISNAMED_MARKS, MISREAD_MARK
-from orip.mistakes.misread_photos import MIRRORED
-from orip.mistakes.outside_frame import EXCHANGED_TEMPLATES, STRAY_POINTS
-from orip.mistakes.photo_coordinates import COORDINATE_UNIT, RESOLUTION
-from orip.mistakes.photo_precision import PRECISION
-from orip.mistakes.stations.contradicting_positions import CODE as POSITION
-from orip.mistakes.stations.contradicting_positions import SCATTERED, SHORT_TEXTS_OF_POSITIONS
-from orip.mistakes.stations.misread_angles import CODE as ANGLES
-from orip.mistakes.stations.misread_antennas import SHORT_TEXTS_OF_ANTENNAS
-from orip.mistakes.stations.misread_pictures import OF_PICTURES
-from orip.mistakes.stations.misread_positions import HEIGHT_OFFSET, SHORT_TEXTS_OF_STATIONS
-from orip.mistakes.stations.rolling_shutters import READOUT_TIME, ROLLING_SHUTTER
-from orip.mistakes.stations.strips import MOVED
-from orip.mistakes.stations.two_lenses import TWO_LENSES
-from orip.mistakes.two_systems import SHORT_TEXTS_OF_SYSTEMS
-from orip.mistakes.vertical_photos import HEIGHT_UNIT, SHORT_TEXTS_OF_VERTICAL_PHOTOS
-
-REPLACED = "given-values"
-"""Code of the warning that the adjustment did not start from the given values."""
-
-GIVEN = "given-orientation"
-_OF_START = (GIVEN, "exchanged-photos", "angle-unit", "control-unit", MIRRORED)
-"""Codes of what is said of the values that an adjustment started from."""
-
-MISREAD_PHOTO = (MIRRORED, "exchanged-axes", "turned", "other-camera", "shifted-numbers", "contradicting-photo")
-"""Codes of what is wrong with all measurements of a photo."""
-
-MARKS = (MISNAMED_MARKS, MISREAD_MARK, EXCHANGED_TEMPLATES, MARK_UNIT, MARK_TRANSFORMATION, MARKS_GIVEN_WRONG)
-
-OF_STATIONS = frozenset(
-    (
-        *SHORT_TEXTS_OF_SYSTEMS,
-        *SHORT_TEXTS_OF_STATIONS,
-        *SHORT_TEXTS_OF_ANTENNAS,
-        HEIGHT_SYSTEM,
-        TWO_LENSES,
-        ANGLES,
-        MOVED,
-    ),
-)
-"""Causes that all stations, or their control, appear wrong by."""
-
-_GROUND = ("exposure station", "attitudes", "control point")
+from orip.bundle.groups.words import CODE as CONTRADICTION
+from orip.bundle.groups.words import EXPLAINED
+from orip.bundle.verdict import MISTAKE
+from orip.errors import UNREAD_FILE, ProjectWarning
+from orip.mistakes.mistake import GIVEN_ORIENTATION, REPLACED, mistake_of
+from orip.records.results.solution import Diagnosis, Solution
+from orip.structs import replace
 
 
-class Consequence(Struct, frozen=True):
-    """What follows from a warning.
-
-    Parameters
-    ----------
-    causes : collection of str
-        Its codes.
-    warnings : collection of str, or None
-        Codes of the warnings that follow; None: all others.
-    groups : tuple of str
-        Words in the names of groups of observations whose contradictions follow.
-    of_same_photo : bool
-        Only warnings about a photo that the cause names follow.
-    """
-
-    causes: Collection[str]
-    warnings: Collection[str] | None = ()
-    groups: tuple[str, ...] = ()
-    of_same_photo: bool = False
-
-
-CONSEQUENCES: tuple[Consequence, ...] = (
-    # pixels that all are somewhere else leave nothing to be said of photos and control
-    Consequence((COORDINATE_UNIT, RESOLUTION), warnings=None),
-    # a photo that is measured wrong as a whole is anywhere, and leads the adjustment astray
-    Consequence(EXPLAINING_WARNINGS, warnings=None, of_same_photo=True),
-    # ... and the control that it shows with it
-    Consequence(MISREAD_PHOTO, groups=(*_GROUND, "check point")),
-    # where pictures are wrong, preliminary values are, and what a camera seems to have
-    Consequence(
-        (
-            *EXPLAINING_WARNINGS,
-            *SHORT_TEXTS_OF_VERTICAL_PHOTOS,
-            *CAMERA_SIGNS,
-            OTHER_LENS,
-            MIRRORED,
-            ANOTHER_FLIGHT,
-            TWO_LENSES,
-            "other-camera",
-        ),
-        warnings=("preliminary-values", "photo-left-out", "one-ray"),
-    ),
-    Consequence(("outside-frame", "senseless-camera"), warnings=(FAR_FROM_GIVEN,), groups=(*_GROUND, "check point")),
-    # positions that are wrong lead nowhere, and photos are not where they were given
-    Consequence(OF_STATIONS, warnings=(REPLACED, *_OF_START), groups=_GROUND),
-    # coordinates in another unit make their errors those of no survey
-    Consequence(SHORT_TEXTS_OF_SYSTEMS, warnings=("error-unit", TOO_SMALL, DISTANCE_UNIT), groups=("distance",)),
-    # a longer lens shows its points beyond the frame of the shorter one
-    Consequence((TWO_LENSES,), warnings=("outside-frame", STRAY_POINTS)),
-    Consequence(
-        (TOO_SMALL,), warnings=(SCATTERED, POSITION, CONTROL, PRECISION, REPLACED), groups=(*_GROUND, "check point")
-    ),
-    Consequence((POSITION,), warnings=(REPLACED,)),
-    # a held camera takes up what it can of positions and heights that are off alike
-    Consequence(SHORT_TEXTS_OF_POSITIONS, warnings=(REPLACED, *_OF_START), groups=(*_GROUND, "camera")),
-    Consequence((HEIGHT_OFFSET,), groups=("camera",)),
-    # marks that are wrong bend the pictures
-    Consequence(MARKS, warnings=None, groups=(*_GROUND, "check point", "distance", "camera", "photo")),
-    # what explains a picture explains its points
-    Consequence(OF_PICTURES, warnings=(STRAY_POINTS,), of_same_photo=True),
-    Consequence((POSITION,), warnings=(GIVEN,), of_same_photo=True),
-    # control that is somewhere else takes all photos with it
-    Consequence(SHORT_TEXTS_OF_CONTROL, warnings=(REPLACED, *_OF_START), groups=(*_GROUND, "check point", "camera")),
-    Consequence((REDUCED_CONTROL,), warnings=None, groups=(*_GROUND, "check point", "camera")),
-    # weights that are a hundred times too large bend the block
-    Consequence((PRECISION,), warnings=None, groups=(*_GROUND, "check point", "camera", "photo")),
-    # a camera displaces photos along their axes, and these the control
-    Consequence((OTHER_LENS, *CAMERA_SIGNS), groups=_GROUND),
-    # rows exposed at another time displace photos along the flight
-    Consequence((ROLLING_SHUTTER, READOUT_TIME), groups=(*_GROUND, "camera")),
-    Consequence((READOUT_TIME,), warnings=(CONTROL, POSITION, *SHORT_TEXTS_OF_POSITIONS, PRECISION, REPLACED)),
-    # cameras that are not where a rig has them bend all that it holds
-    Consequence(
-        (MOUNTING, EXCHANGED_CAMERAS),
-        warnings=(REPLACED, *_OF_START),
-        groups=(*_GROUND, "check point", "camera", "photo"),
-    ),
-    Consequence((NOT_SQUARE,), groups=("distance",)),
-    Consequence((DISTANCE_UNIT,), groups=("distance", "exposure station", "control point")),
-    Consequence((DISTANCE_AXES,), groups=("distance",)),
-    Consequence((DISTANCE,), groups=("distance",)),
-    Consequence((HEIGHT_UNIT,), groups=("camera", "control point")),
-)
+def comes_first(warning: ProjectWarning) -> bool:
+    """Tell whether a warning is about the input, and listed first: misfits may be its consequence."""
+    return warning.code == UNREAD_FILE or mistake_of(warning.code).comes_first
 
 
 def without_consequences(found: Iterable[ProjectWarning], causes: Sequence[ProjectWarning]) -> list[ProjectWarning]:
@@ -165,20 +24,20 @@ def without_consequences(found: Iterable[ProjectWarning], causes: Sequence[Proje
 
 
 def follows(warning: ProjectWarning, cause: ProjectWarning) -> bool:
-    """Tell whether a warning says what follows from another one; causes of a kind do not follow from each other."""
+    """Tell whether a warning says what follows from another one; nothing follows from what has the same consequence."""
+    own = mistake_of(warning.code).consequences
     return any(
-        cause.code in line.causes
-        and warning.code not in line.causes
-        and (line.warnings is None or warning.code in line.warnings)
-        and (not line.of_same_photo or _is_of_same_photo(warning, cause))
-        for line in CONSEQUENCES
+        consequence not in own
+        and (consequence.warnings is None or warning.code in consequence.warnings)
+        and (not consequence.of_same_photo or _is_of_same_photo(warning, cause))
+        for consequence in mistake_of(cause.code).consequences
     )
 
 
 def groups_that_follow(causes: Iterable[ProjectWarning]) -> set[str]:
     """Return words of the groups whose contradictions follow from warnings."""
-    codes = {cause.code for cause in causes}
-    return {word for line in CONSEQUENCES if codes & set(line.causes) for word in line.groups}
+    consequences = (one for cause in causes for one in mistake_of(cause.code).consequences)
+    return {word for consequence in consequences for word in consequence.groups}
 
 
 def _is_of_same_photo(warning: ProjectWarning, cause: ProjectWarning) -> bool:
@@ -188,5 +47,87 @@ def _is_of_same_photo(warning: ProjectWarning, cause: ProjectWarning) -> bool:
         return cause.where.startswith("photo ")
     if warning.where.startswith("photo "):
         name = warning.where.removeprefix("photo ")
-        return warning.where == cause.where or (warning.code == GIVEN and name in named)
+        return warning.where == cause.where or (warning.code == GIVEN_ORIENTATION and name in named)
     return cause.where.removeprefix("photo ") in f"{warning.where} {warning.text}".split()[:3]
+
+
+_CONTROL_POINT = "control point "
+
+
+def judged(
+    solution: Solution,
+    mistaken: Sequence[ProjectWarning],
+    gathered: Sequence[ProjectWarning],
+    taken: Sequence[ProjectWarning],
+) -> Solution:
+    """Return a solution with what its first sentence has of the warnings; one that fits, and is wrong, is doubtful."""
+    wrong = [_explained(found) for found in (*mistaken, *gathered) if _is_serious(found)]
+    # measurements that are wrong explain what does not fit, and nothing else is said of it
+    is_doubtful = solution.status == "doubtful"
+    contradicts = any(found.code == CONTRADICTION for found in solution.diagnosis)
+    measured = [
+        found
+        for found, mistake in ((found, mistake_of(found.code)) for found in gathered)
+        if (is_doubtful and mistake.explains_misfit) or (contradicts and mistake.contradicts_others)
+    ]
+    others = [_diagnosis(found) for found in (*measured, *mistaken, *taken) if not _is_serious(found)]
+    status = "doubtful" if wrong and solution.status == "converged" else solution.status
+    diagnosis = (*wrong, *_after_causes(solution, (*mistaken, *(gathered if wrong else measured))), *others)
+    return replace(solution, status=status, diagnosis=diagnosis)
+
+
+def _is_serious(warning: ProjectWarning) -> bool:
+    """Tell whether a block that fits is doubtful by what a warning says."""
+    mistake = mistake_of(warning.code)
+    return bool(mistake.words) and mistake.is_serious
+
+
+def _explained(warning: ProjectWarning) -> Diagnosis:
+    words = mistake_of(warning.code).words
+    return Diagnosis(EXPLAINED, warning.where, words, "first correct it as the warning says")
+
+
+def _diagnosis(warning: ProjectWarning) -> Diagnosis:
+    """Return what the first sentence has of a warning that says what is probably wrong."""
+    if mistake_of(warning.code).words:
+        return _explained(warning)
+    if warning.code == REPLACED:
+        text = "not from the given values, see the warning"
+    elif warning.where:
+        text = f"see the warning about {warning.where}"
+    else:
+        text = "see the warning"
+    return Diagnosis(MISTAKE, warning.where, text, "see the warning")
+
+
+def _after_causes(solution: Solution, mistaken: Sequence[ProjectWarning]) -> tuple[Diagnosis, ...]:
+    """Return the diagnosis; where the cause of a contradiction is named, that is to be mended, and nothing else set.
+
+    A wrong control point may have displaced itself or others: what is then said of groups follows from it.
+    """
+    causes = {warning.where for warning in mistaken}
+    exchanged = [warning.text.split() for warning in mistaken if warning.where.startswith(_CONTROL_POINT)]
+    causes |= {
+        found.where
+        for found in solution.diagnosis
+        if found.where.startswith(_CONTROL_POINT)
+        and any(found.where.removeprefix(_CONTROL_POINT) in words for words in exchanged)
+    }
+    follows = groups_that_follow(mistaken)
+    solution = replace(
+        solution,
+        diagnosis=tuple(
+            found
+            for found in solution.diagnosis
+            if not (found.code == CONTRADICTION and any(word in found.where for word in follows))
+        ),
+    )
+    contradictions = [found for found in solution.diagnosis if found.code == CONTRADICTION]
+    if contradictions and contradictions[0].where in causes and contradictions[0].where.startswith(_CONTROL_POINT):
+        return tuple(found for found in solution.diagnosis if found.code != CONTRADICTION)
+    return tuple(
+        replace(found, code=EXPLAINED, remedy=f"first correct the {found.where} as the warning says")
+        if found.code == CONTRADICTION and found.where in causes
+        else found
+        for found in solution.diagnosis
+    )

@@ -15,15 +15,15 @@ from orip.bundle.problem import BlockProblem, pose_problem
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.verdict import headline, sigma0_test
 from orip.errors import Complaint, InputError, NotSolvableError, ProjectWarning
-from orip.mistakes.control.seen_control import SHORT_TEXTS_OF_CONTROL
 from orip.mistakes.explanation import explain_failure, explain_misfit, explain_start
 from orip.mistakes.hypothesis import Readjuster
+from orip.mistakes.mistake import REPLACED, mistake_of
 from orip.records.block import Block
 from orip.records.preliminary import NO_CONTROL, PreliminaryValues
 from orip.records.results.solution import IterationPass, Solution
 from orip.solving.better_minimum import doubt_about_given, is_better
-from orip.solving.consequences import REPLACED, follows, without_consequences
-from orip.solving.first_sentence import FIRST_CAUSES, judged
+from orip.solving.consequences import comes_first, follows, judged, without_consequences
+from orip.solving.other_orientations import other_orientations
 from orip.solving.starting_values import (
     StartedBlock,
     explained_preliminary_values,
@@ -118,13 +118,16 @@ def solve(
     causes = [
         warning
         for warning in gathered.warnings
-        if warning.code in FIRST_CAUSES or any(follows(found, warning) for found in mistaken)
+        if comes_first(warning) or any(follows(found, warning) for found in mistaken)
     ]
     others = without_consequences((found for found in gathered.warnings if found not in causes), known)
     mistaken, taken, of_start = (without_consequences(found, known) for found in (mistaken, taken, start.warnings))
     warnings = (*causes, *mistaken, *taken, *others, *of_start, *forewarnings(start.block))
     rows = tuple((warning.code, warning.where, warning.text) for warning in warnings)
     solution = replace(judged(solution, mistaken, gathered.warnings, taken), warnings=rows)
+    if elsewhere := other_orientations(adjusted.solved):
+        status = "doubtful" if solution.status == "converged" else solution.status
+        solution = replace(solution, status=status, diagnosis=(*solution.diagnosis, *elsewhere))
     return replace(solution, verdict=headline(solution, 0, sigma0_test(solution))[1]), adjusted.solved
 
 
@@ -153,11 +156,11 @@ def _with_mistakes_of_the_block(
     of_place = {found.where: found for found in reversed(explained) if found.where}
     first = [of_place.get(found.where, found) for found in of_start]
     left_out = list(start.left_out)
-    if any(found.code in SHORT_TEXTS_OF_CONTROL for found in explained):
+    if any(mistake_of(found.code).places_photos for found in explained):
         # photos were resected from that control, and placed with it
         return [*first, *(found for found in explained if found not in first), *left_out]
     if left_out:
-        left_out = [*explain_failure(_readjuster(gathered), adjuster.not_oriented), *left_out]
+        left_out = [*explain_failure(_readjuster(gathered), adjuster.not_oriented, adjusted.solved), *left_out]
     return [*first, *left_out, *(found for found in explained if found not in first)]
 
 
@@ -240,12 +243,12 @@ def _best_or_causes(adjuster: _Adjuster) -> tuple[_Adjusted, list[ProjectWarning
     try:
         return _best_of_starts(adjuster)
     except NotSolvableError as error:
-        causes = [warning for warning in adjuster.gathered.warnings if warning.code in FIRST_CAUSES]
+        causes = [warning for warning in adjuster.gathered.warnings if comes_first(warning)]
         if not (adjuster.is_misread or adjuster.lacks_only_control):
             causes += explain_failure(_readjuster(adjuster.gathered), adjuster.not_oriented)
         raise NotSolvableError("\n".join([*map(str, causes), str(error)])) from None
     except InputError as error:
-        first = (Complaint(str(warning)) for warning in adjuster.gathered.warnings if warning.code in FIRST_CAUSES)
+        first = (Complaint(str(warning)) for warning in adjuster.gathered.warnings if comes_first(warning))
         raise InputError((*first, *error.complaints)) from None
 
 

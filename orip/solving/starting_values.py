@@ -15,7 +15,7 @@ from orip.bundle.rigs.parts import with_parts_on_rigs
 from orip.bundle.rigs.starting import oriented_by_rigs
 from orip.errors import Complaint, InputError, NotSolvableError, ProjectWarning
 from orip.mistakes.checks import block_warnings, measurement_warnings, raise_if_impossible
-from orip.mistakes.misread_photos import MIRRORED
+from orip.mistakes.photo_coordinates import MIRRORED
 from orip.mistakes.two_systems import contradicting_ground_systems
 from orip.progress import stage
 from orip.records.block import Block

@@ -15,7 +15,7 @@ from msgspec import Struct, field
 from orip.arrays import FloatArray
 from orip.errors import Complaint
 from orip.files.text.decimal_numbers import parse_degrees, parse_number
-from orip.files.text.lines import foreign_text, has_zeros, read_bytes
+from orip.files.text.lines import foreign_text, no_text_complaint, read_bytes
 from orip.files.text.separated import (
     DEGREES,
     EXTRA_FIELDS,
@@ -89,15 +89,15 @@ class RowReader(Struct):
         return [self.number(row, index) for index in indices]
 
 
-_GZIP, _LOOKED_AT = b"\x1f\x8b", 4096
+_LOOKED_AT = 4096
 
 
 def text_rows(path: Path, reader: RowReader, separators: str = r"\s") -> Iterator[Row]:
     """Iterate over the lines of a file that have fields, comments included."""
     data, complaints = read_bytes(path, reader.shown)
     reader.complaints += complaints
-    if data is not None and (data.startswith(_GZIP) or has_zeros(data[:_LOOKED_AT])):
-        reader.complaints.append(Complaint("this is no text; unpack it, or give the file that is meant", reader.shown))
+    if no_text := no_text_complaint((data or b"")[:_LOOKED_AT], reader.shown):
+        reader.complaints.append(no_text)
         return
     pattern = re.compile(rf"[^{separators}]+")
     for number, line in enumerate(foreign_text(data or b"").split("\n"), start=1):

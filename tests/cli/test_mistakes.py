@@ -147,6 +147,24 @@ def test_names_with_the_ending_that_windows_hides(project: Path) -> None:
     assert orip(project, "run").code == 0, "a text beside measurement files that are read may be called anything"
 
 
+def test_control_that_is_a_workbook(project: Path) -> None:
+    (project / "FIRST.PNT").rename(project / "points.xlsx")
+    (project / "points.xlsx").write_bytes(b"PK\x03\x04\0\0")
+    said = orip(project, "run", "--no-report")
+    assert "warning: points.xlsx: this file is not read: workbooks are no texts, and the project has no" in said.err
+    assert "save its control as FIRST.PNT (name X Y Z and their errors" in said.err
+    (project / "points.xlsx").rename(project / "FIRST.PNT")
+    refused(orip(project, "run"), 3, "FIRST.PNT: this is no text, but a workbook (.xlsx, .ods)")
+
+
+def test_names_that_a_spreadsheet_took_for_numbers(project: Path) -> None:
+    text = (project / "FIRST.PNT").read_text()
+    (project / "FIRST.PNT").write_text("".join(f"{line.replace(' ', '.0 ', 1)}\n" for line in text.splitlines()))
+    said = orip(project, "run", "--no-report")
+    assert "control points 1.0, 2.0, 3.0 and 1 more are not measured in any photo, but 1, 2, 3 and 1 more" in said.err
+    assert "the names differ by the ending .0 alone" in said.err
+
+
 def test_a_measurement_file_in_other_letters_is_not_left_out_silently(project: Path) -> None:
     (project / "more.mea").write_text("POINTS MAIN left\n  9  100.0  100.0\n")
     refused(orip(project, "run"), 3, "more.mea: this file is not read: measurement files are called *.MEA")

@@ -94,6 +94,16 @@ def test_a_folder_without_a_project(tmp_path: Path, command: str) -> None:
 def test_a_project_in_the_folder_is_named(tmp_path: Path) -> None:
     assert orip(tmp_path, "init", "cliff").code == 0
     assert "this is not an orip project, but cliff in it is; go to the project's folder" in orip(tmp_path, "run").err
+    (inner := tmp_path / "cliff" / "pictures").mkdir()
+    assert f"this is not an orip project, but {tmp_path / 'cliff'} is, around it; go to" in orip(inner, "run").err
+
+
+@pytest.mark.parametrize("name", ["Orip.toml", "orip.toml.txt"])
+def test_a_project_file_under_another_name_is_named(project: Path, name: str) -> None:
+    (project / "orip.toml").rename(project / name)
+    said = orip(project, "run")
+    assert said.code == 3
+    assert said.err == f"error: {name}: this file is not read: the project's file is called orip.toml; rename it\n"
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -132,6 +132,8 @@ def test_all_records_in_the_order_of_the_log(tmp_path: Path, line_end: str) -> N
         ("POINTS = P\n1 2 3", ":1:8: ", "'=' is not allowed as a name"),
         ("FOTO P A\n1 2 3", ":1:1: ", "'FOTO' is not a keyword; did you mean PHOTO?"),
         ("POINTS M P\n1 2 3\nPHOTOS P A\n1 2 3\n2 2 3", ":3:1: ", "'PHOTOS' is not a keyword; did you mean PHOTO?"),
+        ("POINTS M P\nname column row\n1 2 3", ":2: ", "this line has no numbers; begin a heading with ! or remove it"),
+        ("POINTS M P\npoint x[mm] y[mm]\n", ":2: ", "this line has no numbers"),
         ("xyzzy", ":1:1: ", "'xyzzy' is not a keyword; write one of TEMPLATE, PHOTO"),
         ("KILL", ":1:6: ", "the line is: KILL POINT bundle photo|* point|*"),
         ("KILL POINTS M P 1", ":1:6: ", "'POINTS' is not something to kill; did you mean POINT?"),

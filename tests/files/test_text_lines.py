@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from orip.files.text.decimal_numbers import is_number, parse_number, parse_photo_error
-from orip.files.text.lines import decode_lines, field_lines, read_lines, split_line
+from orip.files.text.lines import FieldReader, decode_lines, field_lines, read_lines, split_line
 from orip.files.text.regular_file import file_digest
 
 
@@ -26,6 +26,11 @@ def test_plain_and_fortran_numbers_are_read(token: str, value: float) -> None:
     ("token", "words"),
     [
         ("-.062.821", "'-.062.821' is not a number; write a plain decimal such as -0.062821"),
+        ("1,012.40", "'1,012.40' has marks between thousands; write 1012.40"),
+        ("-1.015,30", "'-1.015,30' has marks between thousands; write -1015.30"),
+        ("1'234'567.8", "write 1234567.8"),
+        ("1,234,567", "write 1234567"),
+        ("561,971", "decimal comma; write a decimal point: 561.971"),
         ("12,5", "'12,5' has a decimal comma; write a decimal point: 12.5"),
         ("-,5", "write a decimal point: -0.5"),
         ("12.5,", "ends in a comma; separate fields by blanks and write 12.5"),
@@ -70,6 +75,41 @@ def test_what_is_no_text_is_one_complaint(data: bytes, line: int, words: str) ->
     (complaint,) = parsed.complaints
     assert str(complaint).startswith(f"Z:{line}: ")
     assert words in str(complaint)
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (b"PK\x03\x04\x14\0\x06\0\x08\0", "this is no text, but a workbook (.xlsx, .ods), a document or another ZIP"),
+        (
+            bytes.fromhex("d0cf11e0a1b11ae1") + bytes(504),
+            "an older Office (.xls, .doc); save its content as plain text",
+        ),
+        (b"{\\rtf1\\ansi\\deff0\n1 2 3\\par\n}", "formatted text (RTF); save its content as plain text (UTF-8)"),
+        (b"\x1f\x8b\x08\0\0", "compressed (gzip); unpack it"),
+    ],
+)
+def test_documents_in_the_place_of_a_text_are_called_by_their_kind(data: bytes, words: str) -> None:
+    parsed = decode_lines(data, "Z.PNT")
+    assert parsed.value == []
+    (complaint,) = parsed.complaints
+    assert words in str(complaint)
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("1;2.5;3.5", "separate fields by blanks or tabs, not by ';'; the line"),
+        ("1;2,5;3,5", "separate fields by blanks or tabs, not by ';', and write decimal points; the line"),
+        ("1,2.5,3.5", "separate fields by blanks or tabs, not by ','; the line"),
+    ],
+)
+def test_separators_of_other_programs_are_named(line: str, words: str) -> None:
+    split = split_line(line, 1)
+    assert split is not None
+    reader = FieldReader(split, "Z")
+    assert not reader.has_fields((3,), "name x y")
+    assert words in str(reader.complaints[0])
 
 
 def test_photo_errors_are_millimetres_or_pixels() -> None:

@@ -65,6 +65,9 @@ def test_a_camera_that_makes_sense() -> None:
     # a fisheye of 8 mm on small-frame film, and a long aerial lens
     assert not list(camera_warnings(Camera("B", (8.0, *[0.0] * 12), frame=(36.0, 24.0))))
     assert not list(camera_warnings(Camera("C", (610.0, *[0.0] * 12), frame=(230.0, 230.0))))
+    # pixels of 6 µm, large enough to be a small sensor's width
+    (said,) = camera_warnings(Camera("P", (35.0, *[0.0] * 12), sensor=Sensor(6000, 4000, 6.0, 6.0)))
+    assert "seem to be the size of a pixel in µm: write width = 36, height = 24 (mm)" in said.text
     # a circular fisheye of 220 degrees, with black corners in its square frame
     fisheye = Camera("F", (1.25, *[0.0] * 12), frame=(4.8, 4.8), projection="equidistant")
     assert not list(camera_warnings(fisheye))

@@ -80,11 +80,12 @@ def soft_movements(
     while guesses:
         moved = np.zeros((size, guesses))
         moved[unknowns] = random.normal(size=(len(unknowns), guesses))
-        moved = solution(moved)
-        if _is_stiff(moved, least_stiffness):
-            break
-        for _ in range(_STEPS - 1):
-            moved = solution(np.linalg.qr(moved)[0])
+        moved, combination = solution(moved), np.eye(guesses)
+        for step in range(1, _STEPS):
+            if _are_stiff(moved @ combination, step, least_stiffness):
+                return SoftMovements(np.zeros((size, 0)), np.zeros(0))
+            moved, triangle = np.linalg.qr(moved)
+            moved, combination = solution(moved), triangle @ combination
         moved, _ = np.linalg.qr(moved)
         stiffness, turn = np.linalg.eigh(moved.T @ product(moved))
         soft = stiffness < least_stiffness
@@ -94,13 +95,14 @@ def soft_movements(
     return SoftMovements(np.zeros((size, 0)), np.zeros(0))
 
 
-def _is_stiff(moved: FloatArray, least_stiffness: float) -> bool:
-    """Return whether no movement is softer than a limit, from N^-1 x (m, k) of k vectors x of normal random numbers.
+def _are_stiff(moved: FloatArray, steps: int, least_stiffness: float) -> bool:
+    """Return whether no movement is softer than a limit, from N^-s x (m, k) of k vectors x of normal random numbers.
 
-    The part x^T v of a movement v with the stiffness s, normal with variance 1, makes N^-1 x at least |x^T v| / s long.
+    The part x^T v of a movement v with the stiffness c, normal with variance 1, makes N^-s x at least |x^T v| / c^s
+    long.
     """
     lengths = np.linalg.norm(moved, axis=0)
-    return len(lengths) > 1 and bool(lengths.max() * least_stiffness < _UNLIKELY_PART)
+    return len(lengths) > 1 and bool(lengths.max() * least_stiffness**steps < _UNLIKELY_PART)
 
 
 def unknowns_to_remove(found: SoftMovements, first: int = 0) -> RemovedUnknowns:

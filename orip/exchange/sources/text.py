@@ -13,7 +13,7 @@ from msgspec import Struct, field
 from orip.arrays import FloatArray
 from orip.errors import Complaint
 from orip.files.text.decimal_numbers import LARGEST_NUMBER, parse_degrees, parse_number
-from orip.files.text.lines import foreign_text, has_zeros, read_bytes
+from orip.files.text.lines import foreign_text, no_text_complaint, read_bytes
 from orip.files.text.separated import (
     DEGREES,
     EXTRA_FIELDS,
@@ -112,9 +112,8 @@ def text_lines(path: Path, faults: Faults) -> list[str]:
     data, complaints = read_bytes(path, faults.shown)
     faults.complaints += complaints
     data = data or b""
-    if has_zeros(data):
-        line = data.count(b"\n", 0, data.index(b"\0")) + 1
-        faults.complain("the file has zero bytes: it is UTF-16, or no text; save it as UTF-8", line)
+    if no_text := no_text_complaint(data, faults.shown):
+        faults.complaints.append(no_text)
         return []
     return foreign_text(data).split("\n")
 

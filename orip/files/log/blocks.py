@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from array import array
 from collections.abc import Callable, Mapping
 from typing import Literal, TypeVar, get_args
@@ -101,12 +102,24 @@ class MeasurementBlock(Struct):
         )
 
 
+_COLUMNS = frozenset({"x", "y", "u", "v", "column", "col", "row", "line", "sample", "px", "py", "i", "j", "r", "c"})
+
+
+def names_columns(reader: FieldReader) -> bool:
+    """Tell whether a line of a block is a heading such as ``name column row`` or ``point x (mm) y (mm)``."""
+    if reader.count < 3 or not reader.text(1)[0].isalpha():
+        return False
+    words = {re.split(r"[(\[_]", reader.text(index))[0].lower() for index in range(1, reader.count)}
+    return len(_COLUMNS & words) > 1
+
+
 def read_measurement(reader: FieldReader, block: MeasurementBlock) -> None:
     """Take one line of any form into its block; what is wrong stays with the reader."""
     count = reader.count
     is_disregarded = count > 3 and reader.text(count - 1) == "-"
     body = count - 1 if is_disregarded else count
-    if not _has_form(reader, block, body, is_disregarded=is_disregarded):
+    is_heading = names_columns(reader) and reader.is_heading((1, 2))
+    if is_heading or not _has_form(reader, block, body, is_disregarded=is_disregarded):
         block.has_faults = True
         return
     name = reader.name(0)

@@ -19,6 +19,7 @@ from orip.files.log.blocks import (
     BLOCK_KINDS,
     KEYWORDS,
     MeasurementBlock,
+    names_columns,
     read_edit,
     read_header,
     read_measurement,
@@ -226,6 +227,8 @@ def _is_measurement(reader: FieldReader) -> bool:
 
 def _is_like_keyword(reader: FieldReader) -> bool:
     """Tell whether a line of a block that is no measurement is rather a misspelt keyword than a misspelt number."""
+    if names_columns(reader):
+        return False
     word = reader.text(0)
     others = [reader.text(index) for index in range(1, min(reader.count, 3))]
     return word.isalpha() and any(other[0].isalpha() for other in others) and bool(_near_keywords(word))

@@ -90,22 +90,33 @@ _MEANT_BY_REASON = (
     (re.compile("Cannot overwrite a value"), "this key is written twice; keep one of the two lines"),
     (re.compile("Cannot declare .* twice"), "this table is written twice; join the two (or write [[...]] for a list)"),
     (re.compile(r"Illegal character '\\n'"), "a quotation mark is missing at the end of the text"),
+    (re.compile("Unclosed (array|inline table)"), "a comma between two items, or the closing bracket, is missing"),
     (re.compile("Invalid hex value|Unescaped"), "a text has a backslash; write / instead"),
 )
 """What the parser says, and what was probably done."""
 
 _MEANT_BY_TEXT = (
     (re.compile("[“”„‟‘’‚«»]"), 'these are typographic quotation marks; write straight ones (")'),
-    (re.compile("!"), "'!' begins no comment here; write '#'"),
+    (re.compile("[\u00a0\u2000-\u200b\u202f\ufeff]"), "this is a blank of a word processor; write an ordinary one"),
+    (re.compile("!|//"), "no comment begins so here; write '#'"),
     (re.compile(";"), "no ';' ends a line here; remove it"),
     (re.compile(":"), "a key and its value are separated by '='"),
+    (re.compile(r"\{$|\{ *\""), 'this is JSON; write for example [project] and below it name = "ZURICH"'),
+    (re.compile(",$"), "no comma ends a line here; remove it"),
     (re.compile(r"\.[0-9]"), "a number begins with a digit; write for example 0.5"),
     (re.compile("true|false", re.IGNORECASE), "write true or false, in small letters"),
 )
 """What is at the place of the fault, and what was probably meant."""
 
+_MEANT_BY_VALUE = (
+    (re.compile("(#.*)?$"), "a value is missing after '='"),
+    (re.compile(r"(null|none)\b", re.IGNORECASE), "there is no such value; leave the key out"),
+    (re.compile(r"(?P<word>[^\W\d][^\s,\]}#]*)"), r'a text needs quotation marks; write "\g<word>"'),
+)
+"""What is there in the place of a value, and what was probably meant."""
+
+_LEADING_ZERO = re.compile(r"(?<![\w.])0(?P<rest>[0-9]+)")
 _DECIMAL_COMMA = re.compile(r"[0-9],[0-9]")
-_WORD = re.compile(r"[^\W\d][^\s,\]}#]*")
 
 
 def syntax_complaint(fault: str, text: str, shown: str) -> Complaint:
@@ -121,6 +132,8 @@ def syntax_complaint(fault: str, text: str, shown: str) -> Complaint:
     written = text.split("\n")[line - 1]
     if _DECIMAL_COMMA.match(written[max(column - 2, 0) :]):
         meant = "a number has a decimal comma; write a decimal point"
+    elif zero := _LEADING_ZERO.match(written, max(column - 2, 0)):
+        meant = f'a number does not begin with 0; write {zero["rest"].lstrip("0")}, or "{zero[0]}" if it is a name'
     else:
         meant = _meant(reason, written[column - 1 :]) or f"{reason}; correct the text there"
     return Complaint(printable(f"this is not TOML: {meant}"), shown, line, column)
@@ -130,11 +143,14 @@ def _meant(reason: str, here: str) -> str | None:
     """Return what was probably meant, from the parser's reason and from what stands there."""
     by_reason = (meant for pattern, meant in _MEANT_BY_REASON if pattern.match(reason))
     by_text = (meant for pattern, meant in _MEANT_BY_TEXT if pattern.match(here))
-    found = next(by_reason, None) or next(by_text, None)
-    word = _WORD.match(here)
-    if found is None and word and reason == "Invalid value":
-        return f'a text needs quotation marks; write "{word.group()}"'
-    return found
+    if found := next(by_reason, None) or next(by_text, None):
+        return found
+    if reason == "Invalid value":
+        by_value = (match.expand(meant) for pattern, meant in _MEANT_BY_VALUE if (match := pattern.match(here)))
+        return next(by_value, None)
+    if reason.startswith("Expected newline") and (word := here.strip().partition(" ")[0]):
+        return f"'{word}' follows a value; remove it (numbers have no unit), or begin a comment with '#'"
+    return None
 
 
 KeyPath = tuple[str | int, ...]

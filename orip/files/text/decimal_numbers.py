@@ -14,6 +14,9 @@ from orip.records.results.tests import OPERATORS, Gate, GateOperator
 
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eEdD][+-]?[0-9]+)?")
 _DECIMAL_COMMA = re.compile(r"([+-]?)([0-9]*),([0-9]+(?:[eEdD][+-]?[0-9]+)?)")
+_WITH_THOUSANDS = re.compile(
+    r"(?P<whole>[+-]?[0-9]{1,3}(?P<mark>[,.'’])[0-9]{3}(?:(?P=mark)[0-9]{3})*)(?:(?!(?P=mark))[.,](?P<fraction>[0-9]*))?"
+)
 _NOT_FINITE = re.compile(r"[+-]?(?:nan|inf|infinity)", re.IGNORECASE)
 _D_EXPONENT = str.maketrans("dD", "ee")
 _MINUS_SIGNS = str.maketrans("−–—", "---")
@@ -104,6 +107,11 @@ def _number_fault(token: str) -> str:
     if comma:
         sign, whole, fraction = comma.groups()
         return f"'{shown}' has a decimal comma; write a decimal point: {shown_token(f'{sign}{whole or 0}.{fraction}')}"
+    thousands = _WITH_THOUSANDS.fullmatch(token)
+    if thousands:
+        whole = thousands["whole"].replace(thousands["mark"], "")
+        meant = f"{whole}.{thousands['fraction']}" if thousands["fraction"] else whole
+        return f"'{shown}' has marks between thousands; write {shown_token(meant)}"
     if token.endswith(",") and _NUMBER.fullmatch(token[:-1]):
         return f"'{shown}' ends in a comma; separate fields by blanks and write {shown_token(token[:-1])}"
     angle = degrees_and_side(token)

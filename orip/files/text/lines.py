@@ -14,6 +14,7 @@ from msgspec import Struct
 from orip.errors import Complaint, InputError
 from orip.files.text.decimal_numbers import parse_number
 from orip.files.text.regular_file import UTF_16, NoRegularFileError, regular_bytes
+from orip.files.text.separated import has_decimal_commas
 from orip.files.text.shown import Parsed, printable, shown_token
 from orip.records.control import ErrorLimits
 from orip.records.names import COMMENT_MARKS, name_fault
@@ -23,6 +24,15 @@ DOS_END = b"\x1a"
 
 _FIELD = re.compile(r"\S+")
 _ZERO = b"\0"
+_SAVE = "save its content as plain text (UTF-8)"
+_NO_TEXTS = (
+    (b"PK\x03\x04", "a workbook (.xlsx, .ods), a document or another ZIP archive", _SAVE),
+    (b"\xd0\xcf\x11\xe0", "a workbook or document of an older Office (.xls, .doc)", _SAVE),
+    (b"{\\rtf", "formatted text (RTF)", _SAVE),
+    (b"%PDF-", "a PDF", _SAVE),
+    (b"\x1f\x8b", "compressed (gzip)", "unpack it"),
+)
+"""How files begin that are given in the place of a text, what they are, and what helps."""
 _LINE_END = re.compile(r"\r+\n|\r")
 
 
@@ -104,9 +114,8 @@ def sound_bytes(data: bytes, shown: str) -> Parsed[bytes]:
     """
     if data.startswith(UTF_16):
         return Parsed(b"", (Complaint("the file is UTF-16; save it as UTF-8", shown, 1),))
-    if _ZERO in data:
-        message = "the file has zero bytes: it is UTF-16, or damaged, or no text at all; save it as UTF-8"
-        return Parsed(b"", (Complaint(message, shown, data[: data.index(_ZERO)].count(b"\n") + 1),))
+    if no_text := no_text_complaint(data, shown):
+        return Parsed(b"", (no_text,))
     if DOS_END in data and data.rstrip().endswith(DOS_END):
         message = "the file ends in a character of DOS (Ctrl-Z, 0x1A); remove it"
         return Parsed(b"", (Complaint(message, shown, len(data.splitlines())),))
@@ -145,9 +154,15 @@ def foreign_bytes(data: bytes) -> bytes:
     return data.removeprefix(codecs.BOM_UTF8).removesuffix(DOS_END)
 
 
-def has_zeros(data: bytes) -> bool:
-    """Return whether bytes have zeros where a text has none."""
-    return _ZERO in data and not data.startswith(UTF_16)
+def no_text_complaint(data: bytes, shown: str) -> Complaint | None:
+    """Return a complaint about what is no text: a workbook, an archive, bytes with zeros; None of others."""
+    for beginning, kind, remedy in _NO_TEXTS:
+        if data.startswith(beginning):
+            return Complaint(f"this is no text, but {kind}; {remedy}", shown)
+    if _ZERO in data and not data.startswith(UTF_16):
+        message = "the file has zero bytes: it is UTF-16, or damaged, or no text at all; save it as UTF-8"
+        return Complaint(message, shown, data.count(b"\n", 0, data.index(_ZERO)) + 1)
+    return None
 
 
 def decode_lines(data: bytes, shown: str) -> Parsed[list[str]]:
@@ -283,8 +298,11 @@ class FieldReader:
     def part_by_blanks(self) -> str:
         """Return what to do where fields seem to be separated by commas or semicolons; "" where they are not."""
         written = " ".join(field.text for field in self._line.fields)
-        mark = next((mark for mark in ",;" if mark in written), None)
-        return "" if mark is None else f"; separate fields by blanks or tabs, not by '{mark}'"
+        mark = next((mark for mark in ";," if mark in written), None)
+        if mark is None:
+            return ""
+        points = ", and write decimal points" if mark == ";" and has_decimal_commas(written.split(mark)) else ""
+        return f"; separate fields by blanks or tabs, not by '{mark}'{points}"
 
     def is_heading(self, numbers: Iterable[int]) -> bool:
         """Tell whether all fields that are to be numbers begin with a letter, and complain of a heading."""

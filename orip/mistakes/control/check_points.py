@@ -11,6 +11,7 @@ from orip.adjustment.weights import MEDIAN_OF_NORMAL
 from orip.arrays import BoolArray, FloatArray
 from orip.errors import ProjectWarning
 from orip.mistakes.control.slips_of_pen import slip_of_pen
+from orip.mistakes.mistake import STATIONS_OFF, declare
 from orip.records.block import Block
 from orip.records.names import places_of_names
 from orip.records.results.solution import Solution
@@ -185,10 +186,8 @@ def _wrong_point(compared: ComparedPoints, row: int, wrong: BoolArray, unit: str
     return ProjectWarning("contradicting-check-point", f"check point {compared.names[row]}", text)
 
 
-HEIGHT_SYSTEM = "height-system"
-
 OF_HEIGHT_SYSTEMS = "the heights of the control and of the stations are in different height systems"
-"""What the status says."""
+HEIGHT_SYSTEM = declare("height-system", OF_HEIGHT_SYSTEMS, STATIONS_OFF)
 
 _FEWEST_OF_A_SYSTEM = 3
 """Points that do not agree by chance."""

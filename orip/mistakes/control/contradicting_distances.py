@@ -16,13 +16,16 @@ from orip.mistakes.control.distances_alone import (
     other_ends,
 )
 from orip.mistakes.control.slips_of_pen import slip_of_pen
+from orip.mistakes.mistake import Consequence, declare
 from orip.mistakes.other_units import LENGTH_UNITS
 from orip.records.block import Block
 from orip.records.coded_names import coded
 from orip.records.results.solution import Solution
 
-DISTANCE_UNIT = "distance-unit"
-OF_DISTANCE_UNITS = "distances are in another unit than the other distances or the control"
+DISTANCE_UNIT = declare(
+    "distance-unit", "distances are in another unit than the other distances or the control",
+    Consequence(groups=("distance", "exposure station", "control point")),
+)  # fmt: skip
 """Code of the warning, and what the status says."""
 
 _LENGTH_ALIKE = 0.01

@@ -15,6 +15,7 @@ from msgspec import Struct
 from orip.arrays import BoolArray, FloatArray
 from orip.errors import ProjectWarning
 from orip.mistakes.control.slips_of_pen import slip_of_pen
+from orip.mistakes.mistake import Consequence, declare
 from orip.records.block import Block
 from orip.records.coded_names import coded
 from orip.records.control import ControlDistance
@@ -23,7 +24,7 @@ from orip.records.results.solution import Solution
 from orip.structs import replace
 from orip.wording import joined
 
-CODE = "contradicting-distance"
+CODE = declare("contradicting-distance", "", Consequence(groups=("distance",)))
 
 TOLERANCE = 4.0
 """Standard errors within which a distance is the one that was meant, or the one to another point."""

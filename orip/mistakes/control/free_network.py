@@ -16,6 +16,8 @@ from orip.geometry.similarity import fit_similarity
 from orip.mistakes.control.contradicting_control import released_control
 from orip.mistakes.ground_systems import mirrored_control, misread_control, with_multiplied_control
 from orip.mistakes.hypothesis import Hypothesis, Readjuster, finding, fit_of_adjustment, is_good
+from orip.mistakes.mistake import Consequence, declare
+from orip.mistakes.photo_coordinates import MIRRORED
 from orip.records.block import Block
 from orip.records.ground import PlainGround
 from orip.records.photo import PHOTO_PARAMETERS
@@ -23,9 +25,10 @@ from orip.records.preliminary import ControlReading, PartialBlock
 from orip.structs import replace
 from orip.wording import counted, counted_names, joined
 
-FREE_DATUM = "free-datum"
-
-DISTANCE_AXES = "distance-axes"
+FREE_DATUM = declare("free-datum", comes_first=True)
+DISTANCE_AXES = declare(
+    "distance-axes", "", Consequence(groups=("distance",)), comes_first=True, contradicts_others=True
+)
 
 _FEWEST = 3
 """Points or projection centres that give a block its place, its turn and its scale."""
@@ -177,7 +180,7 @@ def _mirrored_photos(block: Block, text: str) -> Hypothesis:
         photo_points=replace(block.photo_points, xy=xy),
         photo_orientation=np.full_like(block.photo_orientation, np.nan),
     )
-    return Hypothesis(changed, finding("mirrored", "", text))
+    return Hypothesis(changed, finding(MIRRORED, "", text))
 
 
 class _Names(Struct, frozen=True):

@@ -10,14 +10,15 @@ from orip.arrays import BoolArray
 from orip.errors import ProjectWarning
 from orip.mistakes.doubted_observations import doubted_photo_points
 from orip.mistakes.hypothesis import Misfit, explains, fit_of_adjustment
+from orip.mistakes.mistake import ON_GROUND, Consequence, declare
 from orip.records.block import Block
 from orip.structs import replace
 from orip.wording import counted_names
 
-REDUCED_CONTROL = "reduced-control"
-
-OF_REDUCED_CONTROL = "the control was measured in pictures of another resolution"
-"""What the status says."""
+REDUCED_CONTROL = declare(
+    "reduced-control", "the control was measured in pictures of another resolution",
+    Consequence(warnings=None, groups=(*ON_GROUND, "check point", "camera")),
+)  # fmt: skip
 
 _FACTORS = (2.0, 4.0, 8.0, 0.5, 0.25)
 """Columns of the sensor over those of the pictures in which control was measured; below 1 these are larger."""

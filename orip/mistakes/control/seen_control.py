@@ -25,6 +25,7 @@ from orip.mistakes.control.contradicting_control import control_warnings, withou
 from orip.mistakes.control.free_network import free_network
 from orip.mistakes.doubted_observations import doubted_control, doubted_photo_points
 from orip.mistakes.hypothesis import DECIDED, Misfit, Readjuster, fit_of_adjustment, is_good
+from orip.mistakes.mistake import ANOTHER_START, ON_GROUND, Consequence, declare
 from orip.mistakes.other_units import FEET_AND_METRES, LENGTH_UNITS
 from orip.records.block import Block
 from orip.records.ground import PlainGround
@@ -34,14 +35,14 @@ from orip.structs import replace
 from orip.units import METRES_PER_GROUND_UNIT
 from orip.wording import MOST_TO_CHANGE, counted_names
 
-EXCHANGED_CONTROL, CONTROL_HEIGHTS, SOME_HEIGHTS = "exchanged-control", "control-heights", "heights-of-some"
+_OFF = Consequence(warnings=ANOTHER_START, groups=(*ON_GROUND, "check point", "camera"))
+"""Control that is somewhere else takes all photos with it."""
 
-SHORT_TEXTS_OF_CONTROL = {
-    EXCHANGED_CONTROL: "two control points are exchanged",
-    SOME_HEIGHTS: "the heights of some control points are off alike",
-    CONTROL_HEIGHTS: "Z of the control fits only if it is read otherwise",
-}
-"""What the status says of the block, by the code of the warning."""
+EXCHANGED_CONTROL = declare("exchanged-control", "two control points are exchanged", _OFF, places_photos=True)
+SOME_HEIGHTS = declare("heights-of-some", "the heights of some control points are off alike", _OFF, places_photos=True)
+CONTROL_HEIGHTS = declare(
+    "control-heights", "Z of the control fits only if it is read otherwise", _OFF, places_photos=True
+)
 
 _FEWEST, _MOST = 4, 24
 """Least number of points that show which of them is wrong, and the most of which pairs are tried."""

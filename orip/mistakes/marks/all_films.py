@@ -12,12 +12,15 @@ from orip.arrays import FloatArray
 from orip.errors import ProjectWarning
 from orip.geometry.plane import PARAMETERS, fit_plane_transformation
 from orip.interior.definitions import Definitions
+from orip.mistakes.mistake import BENT_PICTURES, declare
 from orip.records.interior import MarkAdjustment
 from orip.records.measurement import TransformationKind
 from orip.records.names import record_key
 from orip.units import MILLIMETRES_PER_INCH
 
-MARK_UNIT, MARK_TRANSFORMATION, MARKS_GIVEN_WRONG = "mark-unit", "mark-transformation", "marks-given-wrong"
+MARK_UNIT = declare("mark-unit", "", BENT_PICTURES, explains_misfit=True)
+MARK_TRANSFORMATION = declare("mark-transformation", "", BENT_PICTURES, explains_misfit=True)
+MARKS_GIVEN_WRONG = declare("marks-given-wrong", "", BENT_PICTURES)
 
 _NEAR = 0.02
 """Part by which the scale of a film differs at most from the ratio of two units."""

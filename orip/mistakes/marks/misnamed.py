@@ -12,6 +12,7 @@ from orip.arrays import FloatArray, IntArray
 from orip.errors import ProjectWarning
 from orip.geometry.plane import MARKS_NEEDED, PARAMETERS, fit_plane_transformation
 from orip.mistakes.control.slips_of_pen import slip_of_pen
+from orip.mistakes.mistake import BENT_PICTURES, declare
 from orip.records.interior import MarkAdjustment
 from orip.structs import replace
 from orip.wording import counted_names, joined
@@ -21,7 +22,8 @@ from orip.wording import counted_names, joined
 # under the right names. So the marks are named in every order that a rotation or a reflection of the film would give,
 # and the residuals are compared with those of the other films.
 
-MISNAMED_MARKS, MISREAD_MARK = "misnamed-marks", "misread-mark"
+MISNAMED_MARKS = declare("misnamed-marks", "", BENT_PICTURES, explains_misfit=True)
+MISREAD_MARK = declare("misread-mark", "", BENT_PICTURES, explains_misfit=True)
 
 _UNLIKELY = 1e-6
 """Probability of such large residuals by chance below which names are doubted; there is one test for each film."""

@@ -9,11 +9,12 @@ import numpy as np
 from orip.errors import ProjectWarning
 from orip.geometry.plane import PlaneTransformation
 from orip.interior.definitions import Definitions
+from orip.mistakes.mistake import declare
 from orip.records.coded_names import rows_of_records
 from orip.records.measurement import PhotoObservations
 from orip.wording import counted_names
 
-POINT_UNIT = "point-unit"
+POINT_UNIT = declare("point-unit", explains_misfit=True)
 
 _FEWEST = 4
 """Points of a photo that show how far its image extends."""

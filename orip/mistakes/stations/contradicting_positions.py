@@ -12,6 +12,7 @@ from orip.adjustment.weights import MEDIAN_OF_NORMAL
 from orip.arrays import FloatArray
 from orip.errors import ProjectWarning
 from orip.mistakes.control.slips_of_pen import slip_of_pen
+from orip.mistakes.mistake import GIVEN_ORIENTATION, POSITIONS_OFF, REPLACED, Consequence, declare
 from orip.mistakes.stations.given_positions import PLACES, GivenPositions, given_positions
 from orip.records.block import Block
 from orip.records.coded_names import coded
@@ -29,15 +30,16 @@ _SINGLE = 0.4
 _BESIDE = 0.1
 """Part of the largest difference below which that of another component is not named."""
 
-CODE, OFF_ALIKE, SCATTERED = "contradicting-position", "positions-off-alike", "scattered-positions"
-ALL_ALIKE = "all-positions-off-alike"
-
-SHORT_TEXTS_OF_POSITIONS = {
-    OFF_ALIKE: "positions of a part of the photos are off alike",
-    ALL_ALIKE: "the positions of the photos are all off alike",
-    SCATTERED: "the positions of the photos are worse than their a-priori errors, or those of others",
-}
-"""What the status says of the block, by the code of the warning."""
+CODE = declare(
+    "contradicting-position", "",
+    Consequence(warnings=(REPLACED,)), Consequence(warnings=(GIVEN_ORIENTATION,), of_same_photo=True),
+)  # fmt: skip
+OFF_ALIKE = declare("positions-off-alike", "positions of a part of the photos are off alike", POSITIONS_OFF)
+ALL_ALIKE = declare("all-positions-off-alike", "the positions of the photos are all off alike", POSITIONS_OFF)
+SCATTERED = declare(
+    "scattered-positions", "the positions of the photos are worse than their a-priori errors, or those of others",
+    POSITIONS_OFF,
+)  # fmt: skip
 
 _FEWEST_ALIKE = 3
 """Least number of wrong positions of which it is no chance that they are off alike."""

@@ -15,18 +15,14 @@ from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
 from orip.mistakes.doubted_observations import down_weighted_share
 from orip.mistakes.hypothesis import Hypothesis, Misfit, explains, finding, fit_of_adjustment, is_good
+from orip.mistakes.mistake import STATIONS_OFF, declare
 from orip.mistakes.stations.doubted_camera import are_doubted, is_better
 from orip.records.block import Block
 from orip.records.definition import ANTENNA_PARAMETERS, TIME_OFFSET, Antenna
 from orip.structs import replace
 
-ANTENNA, LATE = "lever-arm", "time-offset"
-
-SHORT_TEXTS_OF_ANTENNAS = {
-    ANTENNA: "the lever arm is not as orip.toml has it",
-    LATE: "the stations are late or early",
-}
-"""What the status says of the block, by the code of the warning."""
+ANTENNA = declare("lever-arm", "the lever arm is not as orip.toml has it", STATIONS_OFF)
+LATE = declare("time-offset", "the stations are late or early", STATIONS_OFF)
 
 _LONGEST = 5.0
 """Metres: no lever arm on board of a drone or an aircraft is longer, but for mistakes of the unit."""

@@ -13,12 +13,14 @@ from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
 from orip.mistakes.hypothesis import Findings, Readjuster, finding
+from orip.mistakes.misread_photos import TURNED
+from orip.mistakes.mistake import Consequence, declare
 from orip.mistakes.stations.contradicting_positions import CODE, contradicting_positions
 from orip.mistakes.stations.doubted_camera import is_better
 from orip.records.block import Block
 from orip.structs import replace
 
-OF_PICTURES = ("turned", "other-zoom")
+_OTHER_ZOOM = declare("other-zoom", "", Consequence(warnings=("points-outside",), of_same_photo=True))
 
 _MOST = 3
 """Positions of which a picture is tried."""
@@ -77,7 +79,7 @@ def _turned(block: Block, photo: int) -> Iterator[tuple[Block, Findings]]:
         f"measure it again (or write {sensor.columns} - column and {sensor.rows} - row)"
     )
     changed = replace(block, photo_points=replace(block.photo_points, xy=xy), photo_orientation=orientation)
-    yield changed, finding("turned", f"photo {block.photos[photo].name}", text)
+    yield changed, finding(TURNED, f"photo {block.photos[photo].name}", text)
 
 
 def _zoomed(solved: SolvedBlock, block: Block, name: str) -> Iterator[tuple[Block, Findings]]:
@@ -100,6 +102,6 @@ def _zoomed(solved: SolvedBlock, block: Block, name: str) -> Iterator[tuple[Bloc
             f"its position fits with C = {c:.4g} mm, and the other photos have {values[0]:.4g} mm: it was taken with "
             "another zoom, or its picture was cropped or enlarged; give it a [[camera]] of its own, or leave it out"
         )
-        return [ProjectWarning("other-zoom", f"photo {name}", text)]
+        return [ProjectWarning(_OTHER_ZOOM, f"photo {name}", text)]
 
     yield changed, findings

@@ -10,29 +10,27 @@ from msgspec import Struct
 from orip.arrays import FloatArray, IntArray
 from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
+from orip.mistakes import two_systems
 from orip.mistakes.control.check_points import OF_HEIGHT_SYSTEMS
-from orip.mistakes.hypothesis import fit_of_adjustment
+from orip.mistakes.hypothesis import Misfit, fit_of_adjustment
+from orip.mistakes.mistake import STATIONS_OFF, Consequence, declare
 from orip.mistakes.other_units import FEET_AND_METRES, LENGTH_UNITS
-from orip.mistakes.two_systems import SHORT_TEXTS_OF_SYSTEMS
 from orip.records.block import Block
 from orip.records.names import record_key
 from orip.structs import replace
 
 # The block has to fit without them: they lost their weight, and control shows where the photos are.
 
-ORDER, HEIGHTS, AXES, UNIT = "station-order", "station-heights", "station-axes", "station-unit"
-SHORTENED, LOCAL, HEIGHT_OFFSET = "shortened-coordinates", "local-system", "height-offset"
-
-SHORT_TEXTS_OF_STATIONS = {
-    ORDER: "positions of photos stand under the names of others",
-    HEIGHTS: OF_HEIGHT_SYSTEMS,
-    AXES: "the axes of the stations are not those of the control",
-    UNIT: "the stations are in another unit than the control",
-    HEIGHT_OFFSET: "the heights of the control and of the stations differ by a constant",
-    SHORTENED: "leading digits are missing in the stations or the control",
-    LOCAL: "the stations or the control are in another system, or a local one",
-}
-"""What the status says of the block, by the code of the warning."""
+ORDER = declare("station-order", "positions of photos stand under the names of others", STATIONS_OFF)
+HEIGHTS = declare("station-heights", OF_HEIGHT_SYSTEMS, STATIONS_OFF)
+AXES = declare("station-axes", "the axes of the stations are not those of the control", STATIONS_OFF)
+UNIT = declare("station-unit", "the stations are in another unit than the control", STATIONS_OFF)
+HEIGHT_OFFSET = declare(
+    "height-offset", "the heights of the control and of the stations differ by a constant", STATIONS_OFF,
+    Consequence(groups=("camera",)),
+)  # fmt: skip
+SHORTENED = declare("shortened-coordinates", "leading digits are missing in the stations or the control", STATIONS_OFF)
+LOCAL = declare("local-system", "the stations or the control are in another system, or a local one", STATIONS_OFF)
 
 _FEWEST, _FEWEST_MOVED = 5, 3
 """Least number of positions, and of those that are of other photos."""
@@ -84,7 +82,7 @@ def misread_stations(block: Block, solved: SolvedBlock) -> list[ProjectWarning]:
         As gathered.
     solved : SolvedBlock
     """
-    if any(warning.code in SHORT_TEXTS_OF_SYSTEMS for warning in block.warnings):
+    if any(warning.code in two_systems.CODES for warning in block.warnings):
         return []  # said already
     observed = _observed(block, solved)
     if observed is None or len(observed.photo) < _FEWEST or not _is_where_photos_are(solved):
@@ -97,6 +95,17 @@ def misread_stations(block: Block, solved: SolvedBlock) -> list[ProjectWarning]:
         readings += [*_read(placed), _in_another_height_system(block, placed), *_far_away(block, placed)]
     where = "exposure stations"
     return [ProjectWarning(code, where, text) for code, text in readings if text][:1]
+
+
+def misread_places(misfit: Misfit) -> list[ProjectWarning]:
+    """Return the same of a misfit, but for heights that are in another system."""
+    found = misread_stations(misfit.readjuster.block, misfit.solved)
+    return [] if any(warning.code == HEIGHTS for warning in found) else found
+
+
+def other_heights(misfit: Misfit) -> list[ProjectWarning]:
+    """Return that heights of stations are in another system, which a lens or a lever arm may look like."""
+    return misread_stations(misfit.readjuster.block, misfit.solved)
 
 
 def _is_where_photos_are(solved: SolvedBlock) -> bool:

@@ -11,6 +11,7 @@ import numpy as np
 from orip.errors import ProjectWarning
 from orip.mistakes.camera_values import with_camera, with_unknown
 from orip.mistakes.hypothesis import Readjuster
+from orip.mistakes.mistake import ON_GROUND, REPLACED, Consequence, declare
 from orip.records.camera import READOUT, Camera, ReadoutDirection
 from orip.structs import replace
 
@@ -18,9 +19,19 @@ if TYPE_CHECKING:
     from orip.bundle.groups.held_cameras import ReadoutTest
     from orip.bundle.solve import SolvedBlock
 
-ROLLING_SHUTTER, READOUT_TIME = "rolling-shutter", "readout"
-OF_READOUT_TIMES = "the readout of a camera is another than is given"
-"""What the status says of a block with a readout that is wrong."""
+_MOVED_ROWS = Consequence(groups=(*ON_GROUND, "camera"))
+"""Rows exposed at another time displace photos along the flight."""
+
+ROLLING_SHUTTER = declare("rolling-shutter", "", _MOVED_ROWS)
+READOUT_TIME = declare(
+    "readout", "the readout of a camera is another than is given", _MOVED_ROWS,
+    Consequence(
+        warnings=(
+            "contradicting-control", "contradicting-position", "positions-off-alike", "all-positions-off-alike",
+            "scattered-positions", "measurement-precision", REPLACED,
+        )
+    ),
+)  # fmt: skip
 
 _SIGNIFICANT = 4.4
 """Normal deviate of an error probability of 1e-5: the residuals of a real block are not quite normal."""

@@ -9,6 +9,7 @@ import numpy as np
 from orip.bundle.antennas import antenna_of, with_orientations_of_stations
 from orip.errors import ProjectWarning
 from orip.mistakes.hypothesis import Hypothesis, finding
+from orip.mistakes.mistake import STATIONS_OFF, declare
 from orip.records.block import Block
 from orip.records.control import Station
 from orip.records.names import record_key
@@ -39,7 +40,7 @@ def missing_strips(block: Block) -> Iterator[ProjectWarning]:
             yield ProjectWarning("missing-strips", f"antenna {antenna.name}", text)
 
 
-MOVED = "moved-stations"
+MOVED = declare("moved-stations", "", STATIONS_OFF)
 
 _FEWEST_STATIONS = 6
 """Stations of which the others still determine the ground system when one of them is left out."""

@@ -11,7 +11,8 @@ from orip.arrays import IntArray
 from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
 from orip.mistakes.camera_values import with_unknown
-from orip.mistakes.hypothesis import EXPLAINING_WARNINGS, Fit, Misfit, Readjuster, explains, fit_of_adjustment, is_good
+from orip.mistakes.hypothesis import Fit, Misfit, explains, fit_of_adjustment, is_good
+from orip.mistakes.mistake import BAD_START, STATIONS_OFF, Consequence, declare
 from orip.records.block import Block
 from orip.records.names import record_key
 from orip.records.results.solution import Solution
@@ -21,10 +22,11 @@ from orip.wording import counted_names
 # Another principal distance moves photos up or down, as a strip of wrong heights would be: that they are of another
 # lens shows where the points fit better with it than without any of the positions that are accused.
 
-TWO_LENSES = "two-lenses"
-
-OF_TWO_LENSES = "photos of one camera were taken with two lenses, or zoom positions"
-"""What the status says."""
+TWO_LENSES = declare(
+    "two-lenses", "photos of one camera were taken with two lenses, or zoom positions", STATIONS_OFF, BAD_START,
+    # a longer lens shows its points beyond the frame of the shorter one
+    Consequence(warnings=("outside-frame", "points-outside")),
+)  # fmt: skip
 
 _POSITIONS = ("station", "element")
 
@@ -60,15 +62,9 @@ _DIFFERENT, _SIGNIFICANT = 0.002, 5.0
 """Least difference of the two principal distances, as a part of these and in standard deviations."""
 
 
-def two_lenses(solution: Solution, readjuster: Readjuster) -> list[ProjectWarning]:
-    """Return that photos have another lens than their camera, if they fit with one of their own.
-
-    Parameters
-    ----------
-    solution : Solution
-    readjuster : Readjuster
-        Of the block as gathered.
-    """
+def two_lenses(misfit: Misfit) -> list[ProjectWarning]:
+    """Return that photos have another lens than their camera, if they fit with one of their own."""
+    solution, readjuster = misfit.solution, misfit.readjuster
     if not readjuster.is_small:
         return []
     block, accused = readjuster.block, _with_wrong_positions(solution)
@@ -90,8 +86,7 @@ def two_lenses_of_photos(misfit: Misfit) -> list[ProjectWarning]:
     """Return the same of a block that does not fit, from principal distances that its photos have one by one."""
     solved, readjuster = misfit.solved, misfit.readjuster
     block = readjuster.block
-    explained = {warning.code for warning in block.warnings} & EXPLAINING_WARNINGS
-    if not readjuster.is_small or explained - {"outside-frame"}:
+    if not readjuster.is_small or readjuster.explaining - {"outside-frame"}:
         return []
     given = fit_of_adjustment(solved)
     if solved.variance.sigma0 < _BENT and is_good(given):

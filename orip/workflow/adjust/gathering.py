@@ -46,6 +46,8 @@ def unread_files(bundle: BundleState, control: Control) -> Iterator[ProjectWarni
     )
     if has_control and not photos:
         return
+    if not has_control:
+        yield from _workbooks(project, bundle.name)
     known_points = frozenset[str]() if has_control else frozenset(measured)
     for path, names in tables_in_folder(project.folder).items():
         known = [name for name in names if name in known_points]
@@ -62,6 +64,20 @@ def unread_files(bundle: BundleState, control: Control) -> Iterator[ProjectWarni
         else:
             continue
         yield ProjectWarning(UNREAD_FILE, project.shown(path), text)
+
+
+_WORKBOOKS = frozenset({".xls", ".xlsx", ".ods"})
+
+
+def _workbooks(project: ProjectFolder, bundle: str) -> Iterator[ProjectWarning]:
+    """Yield a warning for each workbook in a folder whose control is nowhere else."""
+    for path in sorted(project.folder.iterdir()):
+        if path.suffix.lower() in _WORKBOOKS:
+            text = (
+                "this file is not read: workbooks are no texts, and the project has no control; save its control as "
+                f"{project.control_base(bundle)}.PNT (name X Y Z and their errors, separated by blanks)"
+            )
+            yield ProjectWarning(UNREAD_FILE, project.shown(path), text)
 
 
 def control_of_another_name(bundle: BundleState) -> Iterator[ProjectWarning]:

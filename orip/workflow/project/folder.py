@@ -280,10 +280,7 @@ def open_project(folder: Path) -> ProjectFolder:
         message = f"the folder '{folder}' {found}"
         raise NoFolderError(message)
     if not path.exists():
-        message = f"there is no {PROJECT_FILE} in {folder.resolve()}: this is not an orip project"
-        if inside := sorted(found.parent.name for found in folder.glob(f"*/{PROJECT_FILE}")):
-            message += f", but {first_names(inside, 3)} in it {agreeing(len(inside), 'is', 'are')}"
-        raise NoProjectError.single(message)
+        raise _no_project(folder)
     parsed = read_project(path, PROJECT_FILE)
     if parsed.complaints or parsed.value is None:
         raise InputError(parsed.complaints)
@@ -294,6 +291,23 @@ def open_project(folder: Path) -> ProjectFolder:
         stored = read_bundles(stores[project.exterior])
     names, control = _bundles_of_commands(project, stored), _control_of_bundles(project, stored)
     return replace(project, bundles_of_commands=names, control_of_bundles=control)
+
+
+_MISSPELT = (PROJECT_FILE, f"{PROJECT_FILE}.txt", f"{PROJECT_FILE}.toml")
+
+
+def _no_project(folder: Path) -> InputError:
+    """Return the error about a folder without orip.toml: the file under another name, or projects in it or around."""
+    for path in sorted(folder.iterdir()):
+        if path.name.lower() in _MISSPELT and path.is_file():
+            message = f"this file is not read: the project's file is called {PROJECT_FILE}; rename it"
+            return InputError.single(message, path.name)
+    message = f"there is no {PROJECT_FILE} in {folder.resolve()}: this is not an orip project"
+    if inside := sorted(found.parent.name for found in folder.glob(f"*/{PROJECT_FILE}")):
+        message += f", but {first_names(inside, 3)} in it {agreeing(len(inside), 'is', 'are')}"
+    elif around := next((one for one in folder.resolve().parents if (one / PROJECT_FILE).is_file()), None):
+        message += f", but {around} is, around it"
+    return NoProjectError.single(message)
 
 
 def _control_of_bundles(project: ProjectFolder, stored: Sequence[StoredRecord[BundleDefinition]]) -> dict[str, str]:

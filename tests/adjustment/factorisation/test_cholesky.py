@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from orip.adjustment.factorisation.cholesky import factorise
-from orip.adjustment.factorisation.null_space import LOST_ALL
+from orip.adjustment.factorisation.null_space import LOST_ALL, soft_movements
 
 MAX_LOST = 12.0
 
@@ -121,6 +121,25 @@ def test_of_two_columns_that_are_the_same_and_nearly_a_third_one_is_removed():
     assert factor.removed.sum() == 1
     # 5 and 69 are the same: which of them stays is a matter of rounding
     assert factor.removed[[5, 69]].sum() == 1
+
+
+@pytest.mark.parametrize("soft", [[], [0.5], [0.5, 0.1], [0.5, 0.3, 0.01]])
+@pytest.mark.parametrize("next_one", [2.0, 50.0, 1e3, 1e6, 1e12])
+def test_movements_are_soft_on_one_side_of_the_limit(soft, next_one):
+    size, limit = 60, 1e-8
+    random = np.random.default_rng(6)
+    axes, _ = np.linalg.qr(random.normal(size=(size, size)))
+    stiffness = np.concatenate([limit * np.array([*soft, next_one, 4.0 * next_one]), np.full(size, 1e8 * limit)])[:size]
+    found = soft_movements(
+        lambda x: axes @ (stiffness[:, None] * (axes.T @ x)),
+        lambda x: axes @ ((axes.T @ x) / stiffness[:, None]),
+        np.arange(size),
+        size,
+        limit,
+    )
+    # the softest movement comes out to many digits, those between it and the next ones to fewer
+    assert len(found.stiffness) == len(soft)
+    assert np.allclose(np.sort(found.stiffness)[:1], limit * np.array(soft[-1:]), rtol=1e-3)
 
 
 def test_columns_without_observations_are_removed_at_once():

@@ -16,7 +16,7 @@ from support.synthetic_block import synthetic_block
 from orip.bundle.groups.words import CODE
 from orip.errors import ProjectWarning
 from orip.records.results.solution import Diagnosis
-from orip.solving.first_sentence import judged
+from orip.solving.consequences import judged
 from orip.structs import replace
 
 TRUE = 150.0

@@ -12,7 +12,8 @@ from orip.bundle.known_motions import known_motions
 from orip.bundle.solve import SolvedBlock, solve_block
 from orip.errors import ProjectWarning
 from orip.mistakes.hypothesis import Readjuster
-from orip.mistakes.stations.rolling_shutters import OF_READOUT_TIMES, READOUT_TIME, ROLLING_SHUTTER, rolling_shutters
+from orip.mistakes.mistake import mistake_of
+from orip.mistakes.stations.rolling_shutters import READOUT_TIME, ROLLING_SHUTTER, rolling_shutters
 from orip.records.block import Block
 from orip.records.camera import READOUT
 from orip.solving.solve import solve
@@ -90,7 +91,7 @@ def test_a_readout_given_to_a_global_shutter_is_the_cause_and_no_station_is_accu
     block = with_readout(flight(seed, 0.0, 10.0), readout)
     found, _ = solve(replace(block, control_points=block.control_points[:control]))
     first = found.diagnosis[0]
-    assert (first.where, first.text) == ("camera CAM", OF_READOUT_TIMES)
+    assert (first.where, first.text) == ("camera CAM", mistake_of(READOUT_TIME).words)
     assert not [one.where for one in found.diagnosis if "station" in one.where or "control" in one.where]
     assert found.status != "converged"
     (said,) = [text for code, _, text in found.warnings if code == READOUT_TIME]

@@ -8,6 +8,7 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.errors import ProjectWarning
+from orip.mistakes.mistake import ON_GROUND, REPLACED, Consequence, declare
 from orip.mistakes.stations.given_positions import GivenPositions, given_positions
 from orip.records.block import Block
 
@@ -18,7 +19,16 @@ _BEST_OF_SITES, _BEST_OF_GNSS = (1e-6, 3e-4), 1e-3
 """Part of the extent that no survey of a site is as good as, laser trackers neither, up to what is possible anywhere;
 and the best positions of moving antennas. Metres."""
 
-TOO_SMALL = "errors-too-small"
+TOO_SMALL = declare(
+    "errors-too-small", "",
+    Consequence(
+        warnings=(
+            "scattered-positions", "contradicting-position", "contradicting-control", "measurement-precision", REPLACED,
+        ),
+        groups=(*ON_GROUND, "check point"),
+    ),
+    comes_first=True, contradicts_others=True,
+)  # fmt: skip
 
 _FEWEST, _FLIGHT = 4, 50.0
 """Least number of errors that are no slip, and metres that positions of antennas, not those of a rig, extend."""
