@@ -16,6 +16,7 @@ from orip.bundle.ground_system import control_count, control_on_a_line, not_dete
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.results.ground import reduced_cofactors
 from orip.bundle.results.reliability import lost_control, lost_photos
+from orip.bundle.results.unchecked_photos import unchecked_diagnosis
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.undetermined_unknowns import LOOSE
 from orip.bundle.unknowns import CONSTANT
@@ -61,6 +62,7 @@ def diagnose(solved: SolvedBlock) -> tuple[Diagnosis, ...]:
         *antenna_diagnosis(solved),
         *_behind(solved),
         *_at_one_of_two_places(solved),
+        *unchecked_diagnosis(solved),
         *_as_a_whole(solved),
         *_correlated(solved),
     )

@@ -12,6 +12,7 @@ from msgspec import Struct
 from orip.bundle.ground_system import CONTROL_LINE
 from orip.bundle.groups.words import CODE, EXPLAINED, group_name
 from orip.bundle.results.reliability import has_suspects
+from orip.bundle.results.unchecked_photos import UNCHECKED
 from orip.records.results.solution import Diagnosis, Solution
 from orip.records.results.tests import NOT_DETERMINED
 from orip.wording import counted
@@ -23,6 +24,9 @@ MISTAKE = "mistake"
 
 TWO_PLACES = "two-places"
 """Code of the diagnosis of points of which as many rays meet elsewhere."""
+
+OTHER_ORIENTATION = "other-orientation"
+"""Code of the diagnosis of photos of few points that fit as well in another place."""
 
 CONFIDENCE = 0.95
 _FAR_ABOVE = 2.0
@@ -112,7 +116,7 @@ def headline(solution: Solution, failed: int, test: GlobalTest | Untested) -> tu
     mistakes = [found for found in solution.diagnosis if found.code == MISTAKE]
     if solution.singular:
         also = [found.text for found in (*contradicting, *mistakes)] + [_FAR_ABOVE_TEXT] * far_above
-        also += _ambiguous_points(solution)
+        also += _ambiguities(solution)
         unfit = f", and {also[0]}" if also else ""
         return "bad", f"Converged, but {_undetermined(solution)} could not be determined{unfit}"
     if failed:
@@ -127,7 +131,7 @@ def headline(solution: Solution, failed: int, test: GlobalTest | Untested) -> tu
         return "caution", f"Converged, but {_FAR_ABOVE_TEXT}"
     if has_suspects(solution):
         return "caution", "Converged; not all observations fit"
-    return "good", _weaknesses(solution)
+    return _weaknesses(solution)
 
 
 def _doubts(solution: Solution, mistakes: Sequence[Diagnosis]) -> str:
@@ -136,21 +140,25 @@ def _doubts(solution: Solution, mistakes: Sequence[Diagnosis]) -> str:
         found = counted(len({blunder.order for blunder in solution.blunders}), "blunder")
         return f"with doubts: {found} found and left out"
     if solution.status == "doubtful":
-        also = [found.text for found in mistakes[:1]] + _ambiguous_points(solution)
-        return "; ".join(["with doubts: observations do not fit", *also])
+        also = [found.text for found in mistakes[:1]] + _ambiguities(solution)
+        fits = any(found.code == OTHER_ORIENTATION for found in solution.diagnosis) and not has_suspects(solution)
+        return "with doubts: " + "; ".join([*([] if fits else ["observations do not fit"]), *also])
     return f"but {mistakes[0].text}" if mistakes else ""
 
 
-def _ambiguous_points(solution: Solution) -> list[str]:
-    """Return a sentence on the points of which as many rays meet elsewhere, if there are any."""
-    ambiguous = [found.where for found in solution.diagnosis if found.code == TWO_PLACES]
-    return [f"{where} may be at another place, where as many rays meet" for where in ambiguous]
+def _ambiguities(solution: Solution) -> list[str]:
+    """Return a sentence on the points of which as many rays meet elsewhere, and on photos that fit there as well."""
+    why = {TWO_PLACES: "where as many rays meet", OTHER_ORIENTATION: "where its points fit as well"}
+    found = [one for one in solution.diagnosis if one.code in why]
+    return [f"{one.where} may be at another place, {why[one.code]}" for one in found]
 
 
-def _weaknesses(solution: Solution) -> str:
+def _weaknesses(solution: Solution) -> tuple[Level, str]:
+    if unchecked := [found.text for found in solution.diagnosis if found.code == UNCHECKED]:
+        return "caution", f"Converged, but {unchecked[0]}"
     if solution.diagnosis:
-        return f"Converged; {counted(len(solution.diagnosis), 'note')} on what is weak"
-    return "Converged; all observations fit, and all unknowns are determined"
+        return "good", f"Converged; {counted(len(solution.diagnosis), 'note')} on what is weak"
+    return "good", "Converged; all observations fit, and all unknowns are determined"
 
 
 def _undetermined(solution: Solution) -> str:

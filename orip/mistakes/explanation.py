@@ -17,12 +17,9 @@ from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
 from orip.geometry.rotation import angles_between, rotation_from_angles
 from orip.mistakes.camera_values import far_from_given
-from orip.mistakes.contradicting_rigs import contradicting_rigs
 from orip.mistakes.control.check_points import contradicting_check_points, control_in_another_height_system
 from orip.mistakes.control.contradicting_control import contradicting_control, without_control
 from orip.mistakes.control.contradicting_distances import contradicting_distances
-from orip.mistakes.control.reduced_control import reduced_control
-from orip.mistakes.control.seen_control import misread_control_points
 from orip.mistakes.given_orientations import (
     compared_with_adjusted,
     misgiven,
@@ -44,12 +41,11 @@ from orip.mistakes.hypothesis import (
     removes_misfits,
 )
 from orip.mistakes.misread_photos import mirror_readings, mirrored_text
-from orip.mistakes.order import hypotheses_of_failure, hypotheses_of_misfit
+from orip.mistakes.order import SIGNS_IN_RESULT, hypotheses_of_failure, hypotheses_of_misfit
 from orip.mistakes.other_units import angles_in_another_unit, errors_too_large
 from orip.mistakes.photo_coordinates import COORDINATE_UNIT, MIRRORED, mirrored_alone, mirrored_photos, mirrored_plane
 from orip.mistakes.photo_precision import IMPRECISE, precision_too_small
 from orip.mistakes.point_numbers import misnamed_points, points_under_two_numbers
-from orip.mistakes.stations.along_flight import along_the_flight
 from orip.mistakes.stations.contradicting_positions import (
     contradicting_positions,
     part_of_flight_elsewhere,
@@ -57,18 +53,14 @@ from orip.mistakes.stations.contradicting_positions import (
 )
 from orip.mistakes.stations.doubted_camera import (
     camera_explains_more,
-    camera_instead_of_stations,
     lens_of_doubted_camera,
     without_positions,
 )
-from orip.mistakes.stations.heights_apart import heights_apart
-from orip.mistakes.stations.misread_angles import misread_angles
-from orip.mistakes.stations.misread_antennas import misread_antennas
 from orip.mistakes.stations.misread_pictures import pictures_instead_of_positions
-from orip.mistakes.stations.misread_positions import HEIGHTS, misread_stations
-from orip.mistakes.stations.off_alike import all_off_alike, one_strip_off
+from orip.mistakes.stations.misread_positions import misread_stations
+from orip.mistakes.stations.off_alike import all_off_alike
 from orip.mistakes.stations.rolling_shutters import rolling_shutters
-from orip.mistakes.stations.two_lenses import two_lenses, two_lenses_of_photos
+from orip.mistakes.stations.two_lenses import two_lenses_of_photos
 from orip.mistakes.vertical_photos import misread_vertical_photos
 from orip.records.block import Block
 from orip.records.results.solution import Solution
@@ -119,7 +111,7 @@ def explain_misfit(
         Its adjustment without the given orientations; None: there was none yet.
     """
     given, misfit = fit_of_adjustment(solved), Misfit(solution, solved, readjuster)
-    if found := _of_ground(misfit, given):
+    if found := next(filter(None, (find(misfit) for find in SIGNS_IN_RESULT)), []):
         return found[:_MOST_WARNINGS]
     if solved.weighing.of_tracks and fits_without_wrong_matches(given):
         lenses = two_lenses_of_photos(misfit) or lens_of_doubted_camera(misfit)
@@ -154,27 +146,6 @@ def _of_precision(misfit: Misfit) -> list[ProjectWarning]:
         readjuster, fit = replace(misfit.readjuster, block=found.block), fit_of_adjustment(found.solved)
         others = _shown_by_itself(solution_of(found.solved), found.solved, fit, readjuster)
     return [*others[: _MOST_WARNINGS - 1], found.warning]
-
-
-def _of_ground(misfit: Misfit, given: Fit) -> list[ProjectWarning]:
-    """Return what is wrong with rigs, control or stations, from where the block has them."""
-    found = contradicting_rigs(misfit.solved, given, misfit.readjuster) or reduced_control(misfit)
-    found = found or misread_control_points(misfit)
-    return found or _of_all_stations(misfit)
-
-
-def _of_all_stations(misfit: Misfit) -> list[ProjectWarning]:
-    """Return what is wrong with all positions or angles of a file, or what photos of another lens make them appear."""
-    if found := misread_angles(misfit.solved, misfit.readjuster):
-        return found
-    read = misread_stations(misfit.readjuster.block, misfit.solved)
-    if read and read[0].code != HEIGHTS:
-        return read
-    if found := misread_antennas(misfit):
-        return found
-    if found := two_lenses(misfit.solution, misfit.readjuster) or camera_instead_of_stations(misfit):
-        return found
-    return read or heights_apart(misfit) or along_the_flight(misfit) or one_strip_off(misfit)
 
 
 def _with_found_orientations(readjuster: Readjuster, known: SolvedBlock | None = None) -> SolvedBlock | None:
@@ -326,21 +297,16 @@ def _is_where_given(solved: SolvedBlock, block: Block, row: int) -> bool:
     return bool(compared.shifts[row] < _NEAR_GIVEN)
 
 
-def explain_failure(readjuster: Readjuster, not_oriented: Sequence[str]) -> list[ProjectWarning]:
-    """Return what probably keeps a block from being adjusted at all.
-
-    Parameters
-    ----------
-    readjuster : Readjuster
-    not_oriented : sequence of str
-        Photos for which no preliminary orientation was found.
-    """
+def explain_failure(
+    readjuster: Readjuster, not_oriented: Sequence[str], rest: SolvedBlock | None = None
+) -> list[ProjectWarning]:
+    """Return what probably keeps a block from being adjusted, or some of its photos; see `hypotheses_of_failure`."""
     if not readjuster.is_worthwhile:
         return []
     elsewhere = _with_found_orientations(readjuster)
     if elsewhere is not None and (found := _misgiven(elsewhere, readjuster.block)):
         return found
-    for tried in _adjusted(hypotheses_of_failure(readjuster, not_oriented), readjuster):
+    for tried in _adjusted(hypotheses_of_failure(readjuster, not_oriented, rest), readjuster):
         if is_good(tried.fit) and tried.solved.variance.sigma0 > _LEAST_SIGMA0:
             return tried.findings(readjuster)
     return [] if elsewhere is None else _shown_elsewhere(elsewhere, readjuster)

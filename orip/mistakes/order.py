@@ -1,10 +1,15 @@
-"""Which hypotheses are tried, the most likely first: the order decides between two that explain a block equally."""
+"""What is looked for and tried where a block does not fit, the most likely first.
+
+The order decides between two mistakes that explain a block equally. A mistake has a line here, and `checks` one for its
+signs before the adjustment; what it is, is said where it is found (`declare`).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 from orip.bundle.solve import SolvedBlock
+from orip.errors import ProjectWarning
 from orip.mistakes.camera_values import (
     distortion_of_lens,
     distortion_sign,
@@ -14,6 +19,8 @@ from orip.mistakes.camera_values import (
 )
 from orip.mistakes.control.contradicting_control import released_control
 from orip.mistakes.control.free_network import control_of_free_network
+from orip.mistakes.control.reduced_control import reduced_control
+from orip.mistakes.control.seen_control import misread_control_points
 from orip.mistakes.doubted_observations import (
     down_weighted_share,
     is_in_the_picture,
@@ -22,14 +29,42 @@ from orip.mistakes.doubted_observations import (
 )
 from orip.mistakes.exchanged_photos import another_flight, exchanged_photos, other_cameras
 from orip.mistakes.ground_systems import control_axes, control_units, mirrored_control
-from orip.mistakes.hypothesis import Fit, Hypothesis, Readjuster, is_good
-from orip.mistakes.misread_photos import misread_photos
+from orip.mistakes.hypothesis import Fit, Hypothesis, Misfit, Readjuster, fit_of_adjustment, is_good
+from orip.mistakes.left_out_photos import misread_beside, misread_photos
 from orip.mistakes.other_units import angle_units, control_error_units, direction_units, measurement_precision_units
 from orip.mistakes.photo_coordinates import mirrored_photos, reduced_pictures
+from orip.mistakes.rigs.contradicting_rigs import contradicting_rigs
+from orip.mistakes.stations.along_flight import along_the_flight
+from orip.mistakes.stations.doubted_camera import camera_instead_of_stations
+from orip.mistakes.stations.heights_apart import heights_apart
+from orip.mistakes.stations.misread_angles import misread_angles
+from orip.mistakes.stations.misread_antennas import misread_antennas
+from orip.mistakes.stations.misread_positions import misread_places, other_heights
+from orip.mistakes.stations.off_alike import one_strip_off
 from orip.mistakes.stations.strips import moved_stations
+from orip.mistakes.stations.two_lenses import two_lenses
 from orip.records.block import Block
 from orip.records.results.solution import Solution
 from orip.structs import replace
+
+SIGNS_IN_RESULT: tuple[Callable[[Misfit], list[ProjectWarning]], ...] = (
+    contradicting_rigs,
+    reduced_control,
+    misread_control_points,
+    misread_angles,
+    misread_places,
+    misread_antennas,
+    two_lenses,
+    camera_instead_of_stations,
+    other_heights,
+    heights_apart,
+    along_the_flight,
+    one_strip_off,
+)
+"""What is wrong with rigs, control or stations, from where the block has them; the first that is found is told.
+
+All positions or angles of a file come before photos of another lens, which may make them appear wrong.
+"""
 
 _MOST_DIRECTIONS = 0.5
 _MUCH_CONTROL = 0.2
@@ -43,6 +78,10 @@ _PHOTOS, _CONTROL_POINTS = 2, 3
 
 _LEFT_OUT = 8
 """Most photos that are left out one by one."""
+
+_MANY_PHOTOS, _LEFT_OUT_OF_MANY = 12, 3
+"""Of more photos, where nothing fits, so few are left out: the search for preliminary values is repeated each time, and
+one photo hardly keeps all others from being oriented."""
 
 
 def hypotheses_of_misfit(
@@ -93,24 +132,35 @@ def _has_failed(solution: Solution) -> bool:
     return solution.status == "not_converged" or is_in_the_picture(solution)
 
 
-def hypotheses_of_failure(readjuster: Readjuster, not_oriented: Sequence[str]) -> Iterator[Hypothesis]:
-    """Yield what may be the reason that a block cannot be adjusted at all.
+def hypotheses_of_failure(
+    readjuster: Readjuster, not_oriented: Sequence[str], rest: SolvedBlock | None
+) -> Iterator[Hypothesis]:
+    """Yield what may be the reason that a block cannot be adjusted at all, or not with all of its photos.
+
+    Where most photos fit without the others, what concerns all of them is right, and these are compared with them.
 
     Parameters
     ----------
     readjuster : Readjuster
     not_oriented : sequence of str
         Photos for which no preliminary orientation was found.
+    rest : SolvedBlock or None
+        The adjustment without the photos that could not be oriented, if there is one.
     """
     block = readjuster.block
     yield from another_flight(block, not_oriented)
+    if rest is not None and 2 * len(rest.block.photos) >= len(block.photos) and is_good(fit_of_adjustment(rest)):
+        yield from other_cameras(block, not_oriented if len(not_oriented) <= _PHOTOS else ())
+        yield from misread_beside(block, rest)
+        return
     yield from moved_stations(block)
     yield from measurement_precision_units(block)
     yield from control_error_units(block)
     yield from reduced_pictures(block)
     yield from other_cameras(block, not_oriented if len(not_oriented) <= _PHOTOS else ())
     names = dict.fromkeys([*not_oriented, *(photo.name for photo in block.photos)])
-    yield from misread_photos(readjuster, list(names)[:_LEFT_OUT])
+    most = _LEFT_OUT if len(block.photos) <= _MANY_PHOTOS else _LEFT_OUT_OF_MANY
+    yield from misread_photos(readjuster, list(names)[:most])
     yield from control_of_free_network(readjuster)
     yield from _of_cameras(block)
 

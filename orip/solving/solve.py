@@ -23,6 +23,7 @@ from orip.records.preliminary import NO_CONTROL, PreliminaryValues
 from orip.records.results.solution import IterationPass, Solution
 from orip.solving.better_minimum import doubt_about_given, is_better
 from orip.solving.consequences import comes_first, follows, judged, without_consequences
+from orip.solving.other_orientations import other_orientations
 from orip.solving.starting_values import (
     StartedBlock,
     explained_preliminary_values,
@@ -124,6 +125,9 @@ def solve(
     warnings = (*causes, *mistaken, *taken, *others, *of_start, *forewarnings(start.block))
     rows = tuple((warning.code, warning.where, warning.text) for warning in warnings)
     solution = replace(judged(solution, mistaken, gathered.warnings, taken), warnings=rows)
+    if elsewhere := other_orientations(adjusted.solved):
+        status = "doubtful" if solution.status == "converged" else solution.status
+        solution = replace(solution, status=status, diagnosis=(*solution.diagnosis, *elsewhere))
     return replace(solution, verdict=headline(solution, 0, sigma0_test(solution))[1]), adjusted.solved
 
 
@@ -156,7 +160,7 @@ def _with_mistakes_of_the_block(
         # photos were resected from that control, and placed with it
         return [*first, *(found for found in explained if found not in first), *left_out]
     if left_out:
-        left_out = [*explain_failure(_readjuster(gathered), adjuster.not_oriented), *left_out]
+        left_out = [*explain_failure(_readjuster(gathered), adjuster.not_oriented, adjusted.solved), *left_out]
     return [*first, *left_out, *(found for found in explained if found not in first)]
 
 

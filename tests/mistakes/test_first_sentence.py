@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from mistakes.small_folders import Folder, aerial, images, known
 from mistakes.stations.test_misread_stations import PHOTOS, PLACES, SPREAD, told
 from support.long_cases import every
 
+from orip.mistakes import explanation
 from orip.structs import replace
 
 COLUMNS, PIXEL = 4600, 0.05
@@ -182,3 +184,38 @@ def test_a_strip_that_no_station_has_is_named(tmp_path: Path) -> None:
     assert "no station has strip S3, which strips names; those of the .STA file are: S1" in first_line(
         [run(toml.parent)]
     )
+
+
+MADE_UP = '''
+"""Photos that were taken on a Monday."""
+
+from orip.errors import ProjectWarning
+from orip.mistakes.hypothesis import Misfit
+from orip.mistakes.mistake import Consequence, declare
+
+MONDAY = declare("monday", "photos were taken on a Monday", Consequence(warnings=("unused-control",)))
+
+
+def photos_of_mondays(misfit: Misfit) -> list[ProjectWarning]:
+    return [ProjectWarning(MONDAY, "photo P1", "it is of a Monday; take it again")]
+'''
+
+
+def test_a_mistake_is_one_module_and_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = aerial().write(tmp_path / "folder")
+    with (folder / "T.PNT").open("a") as control:
+        control.write("UNSEEN 1000 2000 100 0.02 0.02 0.02\n")
+    before = orip(folder, "run", "--no-report").told
+    assert "is not measured in any photo" in before
+
+    (tmp_path / "mistaken_mondays.py").write_text(MADE_UP, encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    find = import_module("mistaken_mondays").photos_of_mondays
+    monkeypatch.setattr(explanation, "SIGNS_IN_RESULT", (*explanation.SIGNS_IN_RESULT, find))
+    said = orip(folder, "solve").told
+
+    assert "warning: photo P1: it is of a Monday; take it again" in said
+    (status,) = (line for line in said.splitlines() if line.startswith("status"))
+    assert "doubtful" in status
+    assert "photos were taken on a Monday" in status
+    assert "is not measured in any photo" not in said

@@ -11,7 +11,7 @@ from orip.arrays import FloatArray, IntArray
 from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
 from orip.geometry.rotation import angles_between, rotation_from_angles, rotation_from_navigation
-from orip.mistakes.hypothesis import Readjuster, fit_of_adjustment, is_good
+from orip.mistakes.hypothesis import Misfit, fit_of_adjustment, is_good
 from orip.mistakes.mistake import STATIONS_OFF, declare
 from orip.mistakes.other_units import ANGLE_UNITS
 from orip.records.block import Block
@@ -58,15 +58,9 @@ class _Angles(Struct, frozen=True):
     file: str
 
 
-def misread_angles(solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
-    """Return what all observed angles of a file were taken for, if the photos are turned otherwise without them.
-
-    Parameters
-    ----------
-    solved : SolvedBlock
-        The adjustment that it comes from.
-    readjuster : Readjuster
-    """
+def misread_angles(misfit: Misfit) -> list[ProjectWarning]:
+    """Return what all observed angles of a file were taken for, if the photos are turned otherwise without them."""
+    solved, readjuster = misfit.solved, misfit.readjuster
     block = readjuster.block
     angles = _observed(block)
     if angles is None or not readjuster.is_worthwhile or _fits(angles, solved, block):

@@ -12,7 +12,7 @@ from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
 from orip.mistakes import two_systems
 from orip.mistakes.control.check_points import OF_HEIGHT_SYSTEMS
-from orip.mistakes.hypothesis import fit_of_adjustment
+from orip.mistakes.hypothesis import Misfit, fit_of_adjustment
 from orip.mistakes.mistake import STATIONS_OFF, Consequence, declare
 from orip.mistakes.other_units import FEET_AND_METRES, LENGTH_UNITS
 from orip.records.block import Block
@@ -95,6 +95,17 @@ def misread_stations(block: Block, solved: SolvedBlock) -> list[ProjectWarning]:
         readings += [*_read(placed), _in_another_height_system(block, placed), *_far_away(block, placed)]
     where = "exposure stations"
     return [ProjectWarning(code, where, text) for code, text in readings if text][:1]
+
+
+def misread_places(misfit: Misfit) -> list[ProjectWarning]:
+    """Return the same of a misfit, but for heights that are in another system."""
+    found = misread_stations(misfit.readjuster.block, misfit.solved)
+    return [] if any(warning.code == HEIGHTS for warning in found) else found
+
+
+def other_heights(misfit: Misfit) -> list[ProjectWarning]:
+    """Return that heights of stations are in another system, which a lens or a lever arm may look like."""
+    return misread_stations(misfit.readjuster.block, misfit.solved)
 
 
 def _is_where_photos_are(solved: SolvedBlock) -> bool:

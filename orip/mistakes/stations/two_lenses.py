@@ -11,7 +11,7 @@ from orip.arrays import IntArray
 from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
 from orip.mistakes.camera_values import with_unknown
-from orip.mistakes.hypothesis import Fit, Misfit, Readjuster, explains, fit_of_adjustment, is_good
+from orip.mistakes.hypothesis import Fit, Misfit, explains, fit_of_adjustment, is_good
 from orip.mistakes.mistake import BAD_START, STATIONS_OFF, Consequence, declare
 from orip.records.block import Block
 from orip.records.names import record_key
@@ -62,15 +62,9 @@ _DIFFERENT, _SIGNIFICANT = 0.002, 5.0
 """Least difference of the two principal distances, as a part of these and in standard deviations."""
 
 
-def two_lenses(solution: Solution, readjuster: Readjuster) -> list[ProjectWarning]:
-    """Return that photos have another lens than their camera, if they fit with one of their own.
-
-    Parameters
-    ----------
-    solution : Solution
-    readjuster : Readjuster
-        Of the block as gathered.
-    """
+def two_lenses(misfit: Misfit) -> list[ProjectWarning]:
+    """Return that photos have another lens than their camera, if they fit with one of their own."""
+    solution, readjuster = misfit.solution, misfit.readjuster
     if not readjuster.is_small:
         return []
     block, accused = readjuster.block, _with_wrong_positions(solution)
