@@ -11,6 +11,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from orip.errors import Complaint
+from orip.exchange.format import Format
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays, PhotoNames
 from orip.exchange.sources.text import Faults, numbered_words, quoted_words, text_lines
 from orip.files.text.shown import Parsed
@@ -176,3 +177,6 @@ def _distances(path: Path, faults: Faults) -> Iterable[ControlDistance]:
 
 def _escaped(stem: str) -> str:
     return "".join(f"[{character}]" if character in "*?[" else character for character in stem)
+
+
+AICON_FORMAT = Format("aicon", "AICON 3D Studio: folder with .ior, .eor, .obc, .phc", read_aicon, is_aicon)

@@ -9,7 +9,7 @@ import numpy as np
 from msgspec import Struct, field
 
 from orip.errors import Complaint
-from orip.exchange.format import PIXEL_MM, with_assumed_frame
+from orip.exchange.format import OBSERVED, PIXEL_MM, Conventions, Format, never, with_assumed_frame
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays, PhotoNames
 from orip.exchange.sources.names import distinct_names, names_file, short_names, with_original_names
 from orip.exchange.sources.text import Faults, numbered_words, text_lines
@@ -261,3 +261,11 @@ def _result_lines(project: ExchangedProject, photos: Sequence[str], points: Sequ
 
 def _numbers(values: Sequence[float]) -> str:
     return " ".join(repr(float(value)) for value in values)
+
+
+BINGO_FORMAT = Format(
+    "bingo", "BINGO: folder with image.dat, geoin.dat, itera.dat", read_bingo, is_bingo, write_bingo,
+    Conventions(
+        "isp", READING, AXES, AXES, is_cartesian=False, terms=BINGO_TERMS, is_copied=never, lacks=OBSERVED,
+    ),
+)  # fmt: skip

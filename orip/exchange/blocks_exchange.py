@@ -13,7 +13,7 @@ import numpy as np
 from msgspec import Struct, field
 
 from orip.errors import Complaint
-from orip.exchange.format import require_without
+from orip.exchange.format import OBSERVED, Conventions, Format, never, require_without
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays
 from orip.exchange.sources.text import Faults
 from orip.exchange.sources.xml_tree import XmlElement, XmlFields, is_true, read_xml
@@ -34,7 +34,6 @@ from orip.wording import counted
 # Pixels count from the centre of the upper left one. A rotation takes the ground to the camera, whose axes are those of
 # ``CameraOrientation``; angles are those of its transpose. Distortion is that of coordinates divided by the focal
 # length.
-
 
 AXES = ImageAxes("pixel", "first_pixel", "down")
 
@@ -82,19 +81,14 @@ class _Stream:
         kind = "Full" if category is None else category.text.strip()
         horizontal = self._accuracy(element, "HorizontalAccuracy")
         vertical = self._accuracy(element, "VerticalAccuracy")
-        check = element.child("CheckPoint")
-        is_check = check is not None and is_true(check.text, missing=False)
+        is_check = (check := element.child("CheckPoint")) is not None and is_true(check.text, missing=False)
         self.checks.update([name] if is_check else [])
         sign = -1.0 if is_check else 1.0
         errors = [None if error is None else sign * error for error in (horizontal, horizontal, vertical)]
         known = {"Full": (0, 1, 2), "Horizontal": (0, 1), "Vertical": (2,)}.get(kind, (0, 1, 2))
-        coordinates = [value if n in known else None for n, value in enumerate(place)]
-        control = ControlPoint(
-            name,
-            (coordinates[0], coordinates[1], coordinates[2]),
-            tuple(error if n in known else None for n, error in enumerate(errors)),  # type: ignore[arg-type]
-            line=element.line,
-        )
+        x, y, z = (value if n in known else None for n, value in enumerate(place))
+        of_x, of_y, of_z = (error if n in known else None for n, error in enumerate(errors))
+        control = ControlPoint(name, (x, y, z), (of_x, of_y, of_z), line=element.line)
         srs = element.child("SRSId")
         self.control.append((control, "" if srs is None else srs.text.strip()))
         self._measurements(element, self.points.add(name))
@@ -396,3 +390,10 @@ def _marks(project: ExchangedProject) -> dict[int, list[str]]:
 
 def _place(xyz: Sequence[float]) -> str:
     return "".join(f"<{tag}>{float(value)!r}</{tag}>" for tag, value in zip("xyz", xyz, strict=True))
+
+
+BLOCKS_FORMAT = Format(
+    "blocks", "Blocks Exchange XML: ContextCapture, iTwin Capture",
+    read_blocks_exchange, is_blocks_exchange, write_blocks_exchange, is_file=True,
+    conventions=Conventions("agisoft", READING, AXES, AXES, is_cartesian=False, is_copied=never, lacks=OBSERVED),
+)  # fmt: skip

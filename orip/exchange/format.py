@@ -108,6 +108,15 @@ class Format(Struct, frozen=True):
     require_way_back: Callable[[ExchangedProject, Path], None] | None = None
 
 
+def never(_original: Path) -> bool:
+    """Return that a format is always written as a new project."""
+    return False
+
+
+OBSERVED: tuple[Given, ...] = ("stations", "distances")
+WITHOUT_GROUND: tuple[Given, ...] = ("control points", "check points", *OBSERVED)
+"""What most formats have no place for."""
+
 PIXEL_MM = 0.01
 """Of the pixels that stand for millimetres."""
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from orip.arrays import FloatArray
+from orip.exchange.format import Conventions, Format
 from orip.exchange.sources.names import distinct_names
 from orip.files.maps.geopackage import geopackage
 from orip.files.maps.layers import (
@@ -246,3 +247,32 @@ def write_geopackage(project: ExchangedProject, _original: Path | None) -> Mappi
     """Return one file with a layer for all of a kind; names say how much larger ellipses and vectors are drawn."""
     layers: tuple[Layer | Shapes, ...] = (point_layer(project), photo_layer(project), *shapes(project))
     return {"orip.gpkg": geopackage(project.crs, layers)}
+
+
+_DRAWN = Conventions(None, READING, is_cartesian=False, is_drawn=True)
+
+GEOPACKAGE_FORMAT = Format(
+    "geopackage",
+    "GeoPackage for GIS: points, photos, footprints, error ellipses, residual vectors, rays",
+    write=write_geopackage,
+    conventions=_DRAWN,
+    is_file=True,
+)
+
+
+DXF_FORMAT = Format(
+    "dxf",
+    "DXF (release 12) for CAD: points, photos, footprints, error ellipses, residual vectors, rays",
+    write=write_dxf,
+    conventions=_DRAWN,
+    is_file=True,
+)
+
+
+GEOJSON_FORMAT = Format(
+    "geojson",
+    "GeoJSON for maps: the same in longitude and latitude, where the project has a crs",
+    write=write_geojson,
+    conventions=_DRAWN,
+    is_file=True,
+)

@@ -16,7 +16,7 @@ from msgspec import Struct, field
 
 from orip.arrays import FloatArray
 from orip.errors import Complaint
-from orip.exchange.format import with_assumed_frame
+from orip.exchange.format import Format, with_assumed_frame
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays
 from orip.exchange.sources.text import Faults, numbered_words, text_lines
 from orip.files.text.shown import Parsed, shown_token
@@ -340,3 +340,6 @@ def _control(lines: list[tuple[int, str, list[str]]], faults: Faults) -> list[Co
     if section:
         faults.complain_of_end(section, f"{section}end", number)
     return found
+
+
+GUBAIO_FORMAT = Format("gubaio", "GUBAIO: folder with gubaio.img, gubaio.gcp, gubaio.cam", read_gubaio, is_gubaio)

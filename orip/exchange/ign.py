@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from orip.errors import Complaint
+from orip.exchange.format import Format
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays, PhotoNames
 from orip.exchange.sources.text import Faults, numbered_words, quoted_words, text_lines
 from orip.files.text.shown import Parsed
@@ -170,3 +171,6 @@ def _control(path: Path, notes: list[str], faults: Faults) -> list[ControlPoint]
             "write - for a coordinate that is not known."
         )
     return found
+
+
+IGN_FORMAT = Format("ign", "IGN: folder with .OPK, camera text, .mes, .app", read_ign, is_ign)

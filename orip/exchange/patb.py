@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from orip.errors import Complaint, InputError
-from orip.exchange.format import PIXEL_MM, with_assumed_frame
+from orip.exchange.format import OBSERVED, PIXEL_MM, Conventions, Format, never, with_assumed_frame
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays
 from orip.exchange.sources.names import distinct_names, names_file, short_names, with_original_names
 from orip.exchange.sources.text import Faults, numbered_words, text_lines
@@ -283,3 +283,12 @@ def _control_lines(
         if z is not None and not (point.errors[2] or 0.0) < 0.0:
             yield f"{names[point.name]:>16} {z!r} {groups[_errors(point)]}\n"
     yield "-99\n"
+
+
+PATB_FORMAT = Format(
+    "patb", "PAT-B: folder with .ori, .im, .con, and camera.txt", read_patb, is_patb, write_patb,
+    Conventions(
+        "isp", READINGS[0], AXES, AXES, is_cartesian=False, terms=PATB_TERMS, is_copied=never,
+        counts_from_principal_point=True, lacks=("check points", *OBSERVED),
+    ),
+)  # fmt: skip

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from orip.errors import Complaint
+from orip.exchange.format import Format
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays
 from orip.exchange.sources.text import Faults, text_lines
 from orip.files.text.regular_file import beginning
@@ -153,3 +154,6 @@ def _add_mark(
         return
     deviation = max(values[2:])
     rays.add(photo, points.add(words[1]), values[:2], deviation if deviation > 0 else float("nan"))
+
+
+PHOTOMODELER_FORMAT = Format("photomodeler", "PhotoModeler: text export", read_photomodeler, is_photomodeler)

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from orip.errors import Complaint
+from orip.exchange.format import Format
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays
 from orip.exchange.sources.text import Faults, text_lines
 from orip.files.text.shown import Parsed
@@ -168,3 +169,6 @@ def _camera(number: int, values: tuple[int | float, ...]) -> ExchangedCamera:
         "Pix4D",
         free=names,
     )
+
+
+PIX4D_FORMAT = Format("pix4d", "Pix4D: folder 1_initial/params (orientations only)", read_pix4d, is_pix4d)

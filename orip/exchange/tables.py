@@ -11,6 +11,9 @@ from typing import Final
 from msgspec import Struct, field
 
 from orip.errors import Complaint
+from orip.exchange.format import Conventions, Format, never
+from orip.exchange.gis import READING as DRAWN
+from orip.exchange.gis import write_tables
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays, PhotoNames
 from orip.exchange.sources.text import GROUND_LENGTHS, Faults, Row, Table, read_table
 from orip.files.text.shown import Parsed
@@ -279,3 +282,13 @@ def _stations(table: Table) -> Iterator[Station]:
             table.faults.complain("a station needs X, Y, Z and sX, sY, sZ", row.line)
             continue
         yield Station(row.text("photo"), (x, y, z), (errors[0], errors[1], errors[2]), line=row.line)
+
+
+CSV_FORMAT = Format(
+    "csv",
+    "CSV: tables of observations, cameras and more are read; adjusted points and photos are written",
+    read_tables,
+    is_tables,
+    write=write_tables,
+    conventions=Conventions(None, DRAWN, is_cartesian=False, is_copied=never),
+)

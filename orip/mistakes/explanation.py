@@ -297,21 +297,16 @@ def _is_where_given(solved: SolvedBlock, block: Block, row: int) -> bool:
     return bool(compared.shifts[row] < _NEAR_GIVEN)
 
 
-def explain_failure(readjuster: Readjuster, not_oriented: Sequence[str]) -> list[ProjectWarning]:
-    """Return what probably keeps a block from being adjusted at all.
-
-    Parameters
-    ----------
-    readjuster : Readjuster
-    not_oriented : sequence of str
-        Photos for which no preliminary orientation was found.
-    """
+def explain_failure(
+    readjuster: Readjuster, not_oriented: Sequence[str], rest: SolvedBlock | None = None
+) -> list[ProjectWarning]:
+    """Return what probably keeps a block from being adjusted, or some of its photos; see `hypotheses_of_failure`."""
     if not readjuster.is_worthwhile:
         return []
     elsewhere = _with_found_orientations(readjuster)
     if elsewhere is not None and (found := _misgiven(elsewhere, readjuster.block)):
         return found
-    for tried in _adjusted(hypotheses_of_failure(readjuster, not_oriented), readjuster):
+    for tried in _adjusted(hypotheses_of_failure(readjuster, not_oriented, rest), readjuster):
         if is_good(tried.fit) and tried.solved.variance.sigma0 > _LEAST_SIGMA0:
             return tried.findings(readjuster)
     return [] if elsewhere is None else _shown_elsewhere(elsewhere, readjuster)

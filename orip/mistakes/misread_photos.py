@@ -1,21 +1,17 @@
-"""Single photos that the others contradict: left out one by one, and read differently where the others accept that."""
+"""Single photos that the others contradict: read differently where the others accept that."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
 from msgspec import Struct
 
-from orip.adjustment.residual_sums import joint_effects
 from orip.arrays import FloatArray, IntArray
-from orip.bundle.antennas import without_photo
-from orip.bundle.solve import SolvedBlock
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.interior.image_coordinates import are_equidistant, image_vectors, suit_plane_image
 from orip.mistakes.exchanged_photos import OTHER_CAMERA
-from orip.mistakes.hypothesis import Hypothesis, Readjuster, finding, fit_of_adjustment, is_good
 from orip.mistakes.mistake import MISPLACED_PHOTO, Consequence, declare
 from orip.mistakes.photo_coordinates import MIRRORED, RESOLUTION, exchanged_axes
 from orip.records.block import Block
@@ -23,42 +19,6 @@ from orip.structs import replace
 
 if TYPE_CHECKING:  # most blocks need none
     from orip.prelim.resection.resection import Resected
-
-_LARGEST_SIGMA0 = 6.0
-"""sigma0 of the others above which a complete adjustment without the photo is not worth its time: three times that of a
-block that fits. Where a photo was to blame, it was below 2 in all trials."""
-
-
-def may_fit_without(solved: SolvedBlock, photo: str) -> bool:
-    """Tell whether the other photos may fit when one is left out; not known where the adjustment has not converged."""
-    return not solved.converged or not sigma0_without(solved, photo) > _LARGEST_SIGMA0
-
-
-def sigma0_without(solved: SolvedBlock, photo: str) -> float:
-    """Return sigma0 of the observations with full weight when those of a photo are left out, to the first order.
-
-    The square sum falls by v^T (I - H)^-1 v; see `orip.adjustment.residual_sums`. NaN where the photo has no
-    observation with full weight, or nothing checks the others.
-
-    Parameters
-    ----------
-    solved : SolvedBlock
-    photo : str
-        Its name.
-    """
-    points, equations = solved.block.photo_points, solved.equations
-    row = [record.name for record in solved.block.photos].index(photo)
-    full = equations.active & (solved.weight_factors >= 1.0)
-    # photo points are the first kind of observation
-    mine = np.flatnonzero(full[: points.xy.size] & np.repeat(points.photo == row, 2))
-    if not len(mine):
-        return np.nan
-    effects = joint_effects(equations, solved.normals, solved.problem.layout, mine)
-    fall, checked = effects.square_sum_changes(np.arange(len(mine))[None])
-    redundancy = solved.variance.redundancy_used - float(checked[0])
-    square_sum = float(equations.residual[full] @ equations.residual[full]) - float(fall[0])
-    return float(np.sqrt(max(square_sum, 0.0) / redundancy)) if redundancy > 0.0 else np.nan
-
 
 # A photo that the others contradict is resected from the points that they determine, in every reading.
 
@@ -80,7 +40,6 @@ _SAME_DIRECTION = np.radians(30.0)
 TURNED = declare("turned", "", MISPLACED_PHOTO, Consequence(warnings=("points-outside",), of_same_photo=True))
 _EXCHANGED_AXES = declare("exchanged-axes", "", MISPLACED_PHOTO)
 _SHIFTED = declare("shifted-numbers", "", MISPLACED_PHOTO)
-_CONTRADICTING = declare("contradicting-photo", "", MISPLACED_PHOTO)
 
 
 class Reading(Struct, frozen=True):
@@ -284,106 +243,3 @@ def mirrored_text(block: Block, photo: int, rotation: FloatArray | None = None) 
         f"{text}: x or y has the opposite sign in it, or x and y are exchanged (or film was scanned from its back); "
         "correct its POINTS lines"
     )
-
-
-_FEWEST = 3
-"""Least number of photos of a block of which one can contradict the others."""
-
-_DETERMINED = 0.02
-"""Standard deviation of a point, as a part of the extent of all, up to which it counts as known."""
-
-
-def misread_photos(
-    readjuster: Readjuster, photos: Sequence[str], solved: SolvedBlock | None = None
-) -> Iterator[Hypothesis]:
-    """Yield the reading in which a photo fits the others; without one, blocks without a photo.
-
-    Parameters
-    ----------
-    readjuster : Readjuster
-    photos : sequence of str
-        Those that may be wrong, the likeliest first.
-    solved : SolvedBlock or None
-        The adjustment with all of them, if there is one.
-    """
-    block = readjuster.block
-    rows = {photo.name: row for row, photo in enumerate(block.photos)}
-    left_out: list[Hypothesis] = []
-    alone: list[str] = []
-    for name in photos:
-        if solved is not None and not may_fit_without(solved, name):
-            continue
-        without = without_photo(block, rows[name])
-        rest = readjuster.adjust_roughly(without) if len(without.photo_points.photo) else None
-        if rest is None:
-            alone.append(name)
-            continue
-        if not is_good(fit_of_adjustment(rest)):
-            continue
-        known = _known(block, rest)
-        found = fitting_reading(_with_cameras_of(rest, block), rows[name], known, rest.variance.sigma0)
-        if found is not None and found.reading.kind:
-            yield _read_otherwise(block, rows[name], rest, found)
-        elif found is None and len(block.photos) >= _FEWEST and _can_contradict(block, rows[name], known):
-            text = (
-                "the other photos fit without it, and it does not fit them: check its numbers of points, its camera "
-                "and its measurements, or leave it out"
-            )
-            found_out = finding(_CONTRADICTING, f"photo {name}", text)
-            # the photo itself has no starting value
-            left_out.append(Hypothesis(without, found_out, concerns_start=True))
-    # without these photos the others are not connected
-    for name in alone:
-        yield from _directly_mirrored(block, rows[name])
-    yield from left_out
-
-
-def _with_cameras_of(solved: SolvedBlock, block: Block) -> Block:
-    """Return a block with the cameras as they were adjusted: the values where they start may be far off."""
-    found = {of.name: values for of, values in zip(solved.block.cameras, solved.state.cameras.tolist(), strict=True)}
-    cameras = tuple(replace(of, parameters=tuple(found.get(of.name, of.parameters))) for of in block.cameras)
-    return replace(block, cameras=cameras)
-
-
-def _can_contradict(block: Block, photo: int, known: np.ndarray) -> bool:
-    """Return whether a photo has enough of the known points: with few it cannot be oriented, and nothing is wrong."""
-    points = block.photo_points
-    mine = points.point[(points.photo == photo) & points.in_use]
-    return int(np.isfinite(known[mine]).all(axis=1).sum()) >= FEWEST
-
-
-def _directly_mirrored(block: Block, photo: int) -> Iterator[Hypothesis]:
-    for reading in mirror_readings(block, photo):
-        orientation = block.photo_orientation.copy()
-        orientation[photo] = np.nan
-        changed = replace(reading.block, photo_orientation=orientation)
-        yield Hypothesis(changed, finding(reading.kind, f"photo {block.photos[photo].name}", reading.text))
-
-
-def _known(block: Block, rest: SolvedBlock) -> np.ndarray:
-    """Return the coordinates (number of points of the block, 3) that the other photos determine, NaN elsewhere."""
-    known = np.full((len(block.point_names), 3), np.nan)
-    place = block.point_index()
-    coordinates = rest.state.points
-    extent = float(np.ptp(coordinates, axis=0).max())
-    variance = np.array([np.diag(matrix) for matrix in rest.cofactors.blocks]).reshape(-1, 3)
-    for row, name in enumerate(rest.block.point_names):
-        columns = rest.problem.unknowns.points[row]
-        known[place[name]] = coordinates[row]
-        free = columns >= rest.problem.layout.reduced
-        if free.all():
-            deviation = rest.deviation_scale * np.sqrt(variance[(columns[0] - rest.problem.layout.reduced) // 3])
-            removed = rest.normals.removed[columns].any()
-            if removed or not (deviation < _DETERMINED * extent).all():
-                known[place[name]] = np.nan
-    return known
-
-
-def _read_otherwise(block: Block, photo: int, rest: SolvedBlock, found: FittingReading) -> Hypothesis:
-    """Return a block with a photo read differently; the other photos start where they were adjusted."""
-    adjusted = np.hstack([rest.state.centres, angles_from_rotation(rest.state.rotations)])
-    orientation = np.insert(adjusted, photo, found.orientation, axis=0)
-    held = np.array([bool(record.constant) for record in block.photos])
-    orientation[held] = block.photo_orientation[held]
-    changed = replace(found.reading.block, photo_orientation=orientation)
-    return Hypothesis(changed, finding(found.reading.kind, f"photo {block.photos[photo].name}", found.reading.text))

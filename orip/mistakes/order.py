@@ -30,8 +30,8 @@ from orip.mistakes.doubted_observations import (
 )
 from orip.mistakes.exchanged_photos import another_flight, exchanged_photos, other_cameras
 from orip.mistakes.ground_systems import control_axes, control_units, mirrored_control
-from orip.mistakes.hypothesis import Fit, Hypothesis, Misfit, Readjuster, is_good
-from orip.mistakes.misread_photos import misread_photos
+from orip.mistakes.hypothesis import Fit, Hypothesis, Misfit, Readjuster, fit_of_adjustment, is_good
+from orip.mistakes.left_out_photos import misread_beside, misread_photos
 from orip.mistakes.other_units import angle_units, control_error_units, direction_units, measurement_precision_units
 from orip.mistakes.photo_coordinates import mirrored_photos, reduced_pictures
 from orip.mistakes.stations.along_flight import along_the_flight
@@ -78,6 +78,10 @@ _PHOTOS, _CONTROL_POINTS = 2, 3
 
 _LEFT_OUT = 8
 """Most photos that are left out one by one."""
+
+_MANY_PHOTOS, _LEFT_OUT_OF_MANY = 12, 3
+"""Of more photos, where nothing fits, so few are left out: the search for preliminary values is repeated each time, and
+one photo hardly keeps all others from being oriented."""
 
 
 def hypotheses_of_misfit(
@@ -128,24 +132,35 @@ def _has_failed(solution: Solution) -> bool:
     return solution.status == "not_converged" or is_in_the_picture(solution)
 
 
-def hypotheses_of_failure(readjuster: Readjuster, not_oriented: Sequence[str]) -> Iterator[Hypothesis]:
-    """Yield what may be the reason that a block cannot be adjusted at all.
+def hypotheses_of_failure(
+    readjuster: Readjuster, not_oriented: Sequence[str], rest: SolvedBlock | None
+) -> Iterator[Hypothesis]:
+    """Yield what may be the reason that a block cannot be adjusted at all, or not with all of its photos.
+
+    Where most photos fit without the others, what concerns all of them is right, and these are compared with them.
 
     Parameters
     ----------
     readjuster : Readjuster
     not_oriented : sequence of str
         Photos for which no preliminary orientation was found.
+    rest : SolvedBlock or None
+        The adjustment without the photos that could not be oriented, if there is one.
     """
     block = readjuster.block
     yield from another_flight(block, not_oriented)
+    if rest is not None and 2 * len(rest.block.photos) >= len(block.photos) and is_good(fit_of_adjustment(rest)):
+        yield from other_cameras(block, not_oriented if len(not_oriented) <= _PHOTOS else ())
+        yield from misread_beside(block, rest)
+        return
     yield from moved_stations(block)
     yield from measurement_precision_units(block)
     yield from control_error_units(block)
     yield from reduced_pictures(block)
     yield from other_cameras(block, not_oriented if len(not_oriented) <= _PHOTOS else ())
     names = dict.fromkeys([*not_oriented, *(photo.name for photo in block.photos)])
-    yield from misread_photos(readjuster, list(names)[:_LEFT_OUT])
+    most = _LEFT_OUT if len(block.photos) <= _MANY_PHOTOS else _LEFT_OUT_OF_MANY
+    yield from misread_photos(readjuster, list(names)[:most])
     yield from control_of_free_network(readjuster)
     yield from _of_cameras(block)
 

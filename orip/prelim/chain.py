@@ -44,6 +44,9 @@ from orip.records.preliminary import PreliminaryValues, SimilarityStep
 _STARTING_PAIRS = 5
 """Number of first pairs that are tried, one after the other."""
 
+_MANY_PHOTOS = 12
+"""Photos up to which a wrong one is often in the first pair."""
+
 _GOOD = 2.5
 """Mean standard residual below which no further route is tried."""
 
@@ -84,9 +87,13 @@ def preliminary_values(block: Block) -> PreliminaryValues:
 
 
 def preliminary_values_from_all_rays(block: Block) -> PreliminaryValues:
-    """Find the same without comparing rays: for a block that differs from one whose rays were compared in little."""
+    """Find the same without comparing rays: for a block that differs from one whose rays were compared in little.
+
+    Where there are many photos, one starting pair has to suffice: of a block that is right it does.
+    """
     measured = measured_block(block)
-    return _values(_search_by_level_photos(measured) or _ended(_searches(measured, _routes(measured))))
+    pairs = _STARTING_PAIRS if len(measured.rays.photos) <= _MANY_PHOTOS else 1
+    return _values(_search_by_level_photos(measured) or _ended(_searches(measured, _routes(measured, pairs))))
 
 
 def preliminary_values_soon(block: Block) -> PreliminaryValues:
@@ -234,7 +241,7 @@ def _searches(measured: MeasuredBlock, routes: Iterator[Sequence[Route]]) -> Ite
             return
 
 
-def _routes(measured: MeasuredBlock) -> Iterator[Sequence[Route]]:
+def _routes(measured: MeasuredBlock, pairs: int = _STARTING_PAIRS) -> Iterator[Sequence[Route]]:
     """Yield routes, those together that begin with assumptions of which one is wrong: either may seem to fit.
 
     Where the first pair of photos has led to a part of the block only, other pairs lead to the same parts: these are
@@ -248,7 +255,7 @@ def _routes(measured: MeasuredBlock) -> Iterator[Sequence[Route]]:
     parts = by_parts(free, with_control, measured.known_control(), start)
     if falls_apart:
         yield list(parts)
-    yield from _other_pairs(free)
+    yield from _other_pairs(free, pairs)
     if together:
         if not falls_apart:
             yield list(parts)
@@ -299,8 +306,8 @@ def _first_routes(measured: MeasuredBlock, free: BlockGrower, with_control: Bloc
         yield [by_control(with_control)]
 
 
-def _other_pairs(free: BlockGrower) -> Iterator[Sequence[Route]]:
-    for choice in range(1, _STARTING_PAIRS):
+def _other_pairs(free: BlockGrower, pairs: int = _STARTING_PAIRS) -> Iterator[Sequence[Route]]:
+    for choice in range(1, pairs):
         yield [by_pairs(free, choice)]
 
 

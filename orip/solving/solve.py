@@ -160,7 +160,7 @@ def _with_mistakes_of_the_block(
         # photos were resected from that control, and placed with it
         return [*first, *(found for found in explained if found not in first), *left_out]
     if left_out:
-        left_out = [*explain_failure(_readjuster(gathered), adjuster.not_oriented), *left_out]
+        left_out = [*explain_failure(_readjuster(gathered), adjuster.not_oriented, adjusted.solved), *left_out]
     return [*first, *left_out, *(found for found in explained if found not in first)]
 
 

@@ -20,9 +20,20 @@ from orip.exchange.colmap.model import (
     ColmapModel,
     ColmapPoints,
 )
-from orip.exchange.colmap.reader import PARTS, Form, form_of, model_folder, places_of_ids, read_folder
+from orip.exchange.colmap.reader import (
+    PARTS,
+    READING,
+    Form,
+    form_of,
+    is_model,
+    model_folder,
+    places_of_ids,
+    read_folder,
+    read_model,
+)
 from orip.exchange.colmap.rig_files import rig_files
 from orip.exchange.colmap.rigs import is_same_pose, with_rigs
+from orip.exchange.format import WITHOUT_GROUND, Conventions, Format
 from orip.exchange.sources.names import distinct_names
 from orip.files.text.lines import read_bytes
 from orip.number_text import shortest_texts
@@ -356,3 +367,12 @@ def _ids(names: Sequence[str]) -> list[int]:
     """Return names as whole numbers above 0, or numbers from 1 on where they are none, or not different."""
     numbers = [int(name) for name in names if name.isascii() and name.isdigit() and len(name) < 10 and int(name) > 0]
     return numbers if len(set(numbers)) == len(names) else list(range(1, len(names) + 1))
+
+
+COLMAP_FORMAT = Format(
+    "colmap", "COLMAP: folder of a sparse model, text or binary", read_model, is_model, write_model,
+    Conventions(
+        "opencv", READING, fisheye_lens="equidistant", fisheye_terms=COLMAP_FISHEYE_TERMS, has_rigs=True,
+        lacks=WITHOUT_GROUND,
+    ),
+)  # fmt: skip

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from orip.exchange.format import Format
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays
 from orip.exchange.sources.text import Faults
 from orip.exchange.sources.xml_tree import XmlElement, XmlFields, is_true, plain, read_xml
@@ -193,3 +194,6 @@ def read_lens(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
     return Parsed(
         ExchangedProject(camera.name, (camera,), (), points, rays, is_calibration=True, ground_unit="m", notes=notes)
     )
+
+
+LENS_FORMAT = Format("lens", "Agisoft camera calibration (XML): a camera without photos", read_lens, is_lens)

@@ -14,10 +14,13 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.errors import InputError
+from orip.exchange.format import Conventions, Format
 from orip.exchange.metashape.chunk import ChunkReader, ChunkTransform, chunk_of
 from orip.exchange.metashape.project_files import is_project
+from orip.exchange.metashape.references import with_references
 from orip.exchange.metashape.rigs import masters_of_photos, mount, mounted_on, require_rigs
 from orip.exchange.metashape.sensors import PARAMETERS
+from orip.exchange.metashape.source import READING, is_metashape, read_metashape
 from orip.exchange.sources.text import Faults
 from orip.exchange.sources.xml_tree import SAME, PlacedElement, XmlEdit, XmlFields, xml_of
 from orip.files.text.lines import read_bytes
@@ -379,3 +382,15 @@ def _locations(project: ExchangedProject, marked: list[int]) -> Iterator[str]:
             places.setdefault(point, []).append(f'<location camera_id="{photo}" pinned="true" x="{x!r}" y="{y!r}"/>')
     for point, found in places.items():
         yield f'<marker marker_id="{number[point]}">{"".join(found)}</marker>'
+
+
+METASHAPE_FORMAT = Format(
+    "metashape",
+    "Agisoft Metashape: project (.psx, .psz), or cameras XML with markers and reference tables (CSV) beside it",
+    read_metashape, is_metashape, write_metashape,
+    Conventions(
+        "agisoft", READING, fisheye_lens="agisoft_fisheye", is_copied=is_copied, has_terms_of_original=True,
+        has_rigs=True, lacks=("distances", "tie points"),
+    ),
+    add_references=with_references, require_way_back=require_labels,
+)  # fmt: skip

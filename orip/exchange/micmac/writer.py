@@ -8,7 +8,8 @@ from pathlib import Path
 from xml.sax.saxutils import escape
 
 from orip.errors import InputError
-from orip.exchange.micmac.source import find_orientations
+from orip.exchange.format import WITHOUT_GROUND, Conventions, Format
+from orip.exchange.micmac.source import READING, find_orientations, is_micmac, read_micmac
 from orip.exchange.sources.xml_tree import PlacedElement, XmlEdit
 from orip.files.text.atomic import exported_file_names
 from orip.files.text.lines import read_bytes
@@ -192,3 +193,13 @@ def _orientation_text(photo: ExchangedPhoto, calibration: str) -> str:
 
 def _numbers(values: tuple[float, ...]) -> str:
     return " ".join(repr(float(value)) for value in values)
+
+
+MICMAC_FORMAT = Format(
+    "micmac",
+    "MicMac, MMVII: folder Ori-NAME or Ori/NAME, or the project's folder",
+    read_micmac,
+    is_micmac,
+    write_micmac,
+    Conventions("fraser", READING, is_copied=is_copied_folder, lacks=(*WITHOUT_GROUND, "measurements")),
+)

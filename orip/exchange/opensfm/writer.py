@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from orip.errors import InputError
-from orip.exchange.format import require_without
-from orip.exchange.opensfm.reconstruction import is_shots_geojson, largest_reconstruction
+from orip.exchange.format import WITHOUT_GROUND, Conventions, Format, require_without
+from orip.exchange.opensfm.reconstruction import READING, is_shots_geojson, largest_reconstruction
 from orip.exchange.opensfm.rigs import as_written, is_same, set_rigs
-from orip.exchange.opensfm.source import reconstruction_file
+from orip.exchange.opensfm.source import is_opensfm, read_opensfm, reconstruction_file
 from orip.exchange.sources.json_tree import read_json
 from orip.exchange.sources.names import distinct_names
 from orip.exchange.sources.text import Faults
@@ -235,3 +235,14 @@ def _plane(camera: ExchangedCamera, kind: str) -> dict[str, Any]:
         "c_x": (value["cx"] - camera.columns / 2.0) / longer,
         "c_y": (value["cy"] - camera.rows / 2.0) / longer,
     }
+
+
+OPENSFM_FORMAT = Format(
+    "opensfm", "OpenSfM, OpenDroneMap: project folder, reconstruction.json, or shots.geojson (orientations only)",
+    read_opensfm, is_opensfm, write_opensfm,
+    Conventions(
+        "opencv", READING, fisheye_lens="equidistant", terms=OPENSFM_TERMS,
+        fisheye_terms=OPENSFM_FISHEYE_TERMS, is_copied=is_copied_reconstruction, has_rigs=True,
+        lacks=WITHOUT_GROUND,
+    ),
+)  # fmt: skip

@@ -18,6 +18,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from orip.exchange.format import WITHOUT_GROUND, Conventions, Format, never
 from orip.exchange.sources.json_tree import JsonValue, read_json
 from orip.exchange.sources.text import Faults
 from orip.exchange.vision.openmvg import (
@@ -337,3 +338,14 @@ def _written_landmark(one: WrittenLandmark) -> dict[str, Any]:
         "X": _texts(one.coordinates),
         "observations": rays,
     }
+
+
+ALICEVISION_FORMAT = Format(
+    "alicevision", "AliceVision, Meshroom: scene as JSON (.sfm)", read_alicevision, is_alicevision,
+    write_alicevision,
+    Conventions(
+        "opencv", READING, AXES, AXES, fisheye_lens="equidistant", terms=ALICEVISION_TERMS,
+        fisheye_terms=ALICEVISION_FISHEYE_TERMS, is_copied=never, lacks=WITHOUT_GROUND,
+    ),
+    is_file=True,
+)  # fmt: skip

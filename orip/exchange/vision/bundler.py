@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from orip.errors import Complaint, InputError
+from orip.exchange.format import WITHOUT_GROUND, Conventions, Format, never
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays, places_in_photos, tracks
 from orip.exchange.sources.text import Faults, sound_rows, text_lines
 from orip.files.text.lines import read_bytes
@@ -318,3 +319,22 @@ def _lens(project: ExchangedProject, photo: ExchangedPhoto) -> tuple[float, ...]
 
 def _row(values: Sequence[float]) -> str:
     return " ".join(repr(float(value)) for value in values)
+
+
+BUNDLER_FORMAT = Format(
+    "bundler", "Bundler: bundle.out, with list.txt beside it", read_bundler, is_bundler, write_bundler,
+    Conventions(
+        "agisoft", BUNDLER, AXES, AXES, terms=BUNDLER_TERMS, counts_from_principal_point=True,
+        is_copied=never, lacks=WITHOUT_GROUND,
+    ),
+)  # fmt: skip
+
+
+BAL_FORMAT = Format(
+    "bal", "Bundle Adjustment in the Large: problem file", read_bal, is_bal, write_bal,
+    Conventions(
+        "agisoft", BAL, AXES, AXES, terms=BUNDLER_TERMS, counts_from_principal_point=True,
+        lacks=WITHOUT_GROUND,
+    ),
+    is_file=True,
+)  # fmt: skip

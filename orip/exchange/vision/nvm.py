@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from orip.errors import Complaint, InputError
+from orip.exchange.format import WITHOUT_GROUND, Conventions, Format, never
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays, places_in_photos, tracks
 from orip.exchange.sources.text import Faults, quoted_words, text_lines
 from orip.files.text.regular_file import beginning
@@ -177,3 +178,13 @@ def _lines(project: ExchangedProject) -> Iterator[str]:
 
 def _row(values: Sequence[float]) -> str:
     return " ".join(repr(float(value)) for value in values)
+
+
+NVM_FORMAT = Format(
+    "nvm", "VisualSFM: .nvm", read_nvm, is_nvm, write_nvm,
+    Conventions(
+        "measured", READING, CENTRE, CENTRE, terms=NVM_TERMS, counts_from_principal_point=True,
+        is_copied=never, lacks=WITHOUT_GROUND,
+    ),
+    is_file=True,
+)  # fmt: skip

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 from msgspec import Struct
 
 from orip.errors import InputError
+from orip.exchange.format import WITHOUT_GROUND, Conventions, Format, never
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays, places_in_photos, tracks
 from orip.exchange.sources.json_tree import JsonValue, read_json
 from orip.exchange.sources.names import short_names
@@ -29,8 +30,6 @@ from orip.wording import counted
 
 READING = PoseReading("y_down", "to_camera", "matrix", "radian", "centre")
 AXES = ImageAxes("pixel", "first_pixel", "down")
-OPENMVG_TERMS = ("f", "cx", "cy", "k1", "k2", "k3", "p1", "p2")
-OPENMVG_FISHEYE_TERMS = ("f", "cx", "cy", "k1", "k2", "k3", "k4")
 
 _PLANE = ("f", "cx", "cy")
 _LENSES: Mapping[str, tuple[Lens, tuple[str, ...]]] = MappingProxyType(
@@ -45,8 +44,7 @@ _LENSES: Mapping[str, tuple[Lens, tuple[str, ...]]] = MappingProxyType(
 
 _NAMES = {"pinhole": "", "pinhole_radial_k1": "disto_k1", "pinhole_radial_k3": "disto_k3",
           "pinhole_brown_t2": "disto_t2", "fisheye": "fisheye"}  # fmt: skip
-_BEGINNING = 400
-_HEAD = '"sfm_data_version"'
+_BEGINNING, _HEAD = 400, '"sfm_data_version"'
 _NEW = 1 << 31
 """Added to the number of a type or of an object where cereal meets it first."""
 
@@ -389,3 +387,13 @@ def written_landmarks(project: ExchangedProject) -> Iterator[WrittenLandmark]:
     for place, rows in tracks(project):
         found = zip(rays.photo[rows].tolist(), keys[rows].tolist(), rays.image[rows].tolist(), strict=True)
         yield WrittenLandmark(numbers[place], project.points.coordinates[place].tolist(), found)
+
+
+OPENMVG_FORMAT = Format(
+    "openmvg", "openMVG: sfm_data.json", read_openmvg, is_openmvg, write_openmvg,
+    Conventions(
+        "agisoft", READING, AXES, AXES, fisheye_lens="agisoft_fisheye", is_copied=never, lacks=WITHOUT_GROUND,
+        terms=(*_PLANE, "k1", "k2", "k3", "p1", "p2"), fisheye_terms=(*_PLANE, "k1", "k2", "k3", "k4"),
+    ),
+    is_file=True,
+)  # fmt: skip

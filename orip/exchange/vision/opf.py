@@ -17,6 +17,7 @@ from pathlib import Path
 from msgspec import Struct
 
 from orip.errors import Complaint
+from orip.exchange.format import Format
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays
 from orip.exchange.sources.json_tree import JsonValue
 from orip.exchange.vision.opf_documents import Documents, Ground, Vector, by_id, identity, path_of, read_ground, vector
@@ -76,8 +77,7 @@ def read_opf(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
     """Read a calibrated project."""
     path = project_file(source)
     if path is None:
-        message = "there is no project here, or several; name the file .opf itself"
-        return Parsed(None, (Complaint(message, shown),))
+        return Parsed(None, (Complaint("there is no project here, or several; name the file .opf itself", shown),))
     documents = Documents(path, Path(shown) / path.name if source.is_dir() else Path(shown))
     project = None if documents.root is None or documents.complaints else _project(documents, documents.root)
     complaints = tuple(documents.complaints)
@@ -394,3 +394,6 @@ def _distances(documents: Documents, ground: Ground, points: CollectedPoints) ->
         yield ControlDistance(name, start, end, "XYZ", ground.length(length), _COMPARED if error is None else error)
     if lost:
         documents.notes.append(f"{counted(lost, 'constraint')} of directions, or without its points, left out.")
+
+
+OPF_FORMAT = Format("opf", "OPF (Open Photogrammetry Format), Pix4D: project.opf or its folder", read_opf, is_opf)
