@@ -9,17 +9,17 @@ from cli.command_line import orip
 from mistakes.catalogue import CLIFF, DCS, MISTAKES, ZURICH
 from mistakes.edits import sample
 from mistakes.first_line import BEGIN, DOCUMENT, END, first_line, row, said_of
+from support.long_cases import with_long
 
 LONG = (
     "directions_in_gon", "rows_upwards", "sensor_size", "equivalent_focal_length", "feet_against_orientations",
-    "wrong_camera", "north_east_against_orientations", "orientations_in_radians",
+    "wrong_camera", "distortion_sign", "exchanged_photos", "other_lens",
+    "north_east_against_orientations", "orientations_in_radians",
 )  # fmt: skip
 """Mistakes whose explanation takes seconds, as all others are tried before; each has a planted sibling."""
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.long] if name in LONG else []) for name in MISTAKES]
-)
+@pytest.mark.parametrize("name", with_long(LONG, MISTAKES))
 def test_the_first_line_says_what_is_wrong(tmp_path: Path, name: str) -> None:
     mistake = MISTAKES[name]
     line = first_line(said_of(mistake, tmp_path / name))

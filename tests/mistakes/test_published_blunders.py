@@ -16,7 +16,7 @@ NAMED = [
     ("zurich weighted", "two numbers for one point", 0),
     ("olympus calibrated", "two numbers for one point", 0),
     ("olympus calibrated", "photo twice", 0),
-    ("olympus weighted", "photo mirrored", 0),
+    pytest.param("olympus weighted", "photo mirrored", 0, marks=pytest.mark.long),
     ("olympus constant", "photo coordinate off", 0),
     ("sceaux", "photo twice", 0),
     ("sceaux", "control: two points exchanged", 0),

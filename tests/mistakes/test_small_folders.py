@@ -10,6 +10,7 @@ import pytest
 from cli.command_line import orip
 from mistakes.first_line import first_line
 from mistakes.small_folders import AERIAL, Folder, aerial, changed, flat_field, images, known, north_first
+from support.long_cases import every, with_long
 
 from orip.structs import replace
 from orip.units import METRES_PER_FOOT
@@ -114,7 +115,7 @@ Where one photo of four is mirrored, nothing says whether the others, which shar
 """
 
 
-@pytest.mark.parametrize("name", SAID)
+@pytest.mark.parametrize("name", with_long(["one photo mirrored"], SAID))
 def test_the_first_line_names_the_mistake(tmp_path: Path, name: str) -> None:
     make, code, words = SAID[name]
     said = orip(make().write(tmp_path / "folder"), "run", "--no-report")
@@ -135,11 +136,14 @@ def bars(made: Folder, factor: float, count: int = 3) -> str:
 
 @pytest.mark.parametrize(
     ("factor", "multiplied", "unit", "others"),
-    [
-        (1000.0, 0.001, "millimetres", "BAR1"),
-        (100.0, 0.01, "centimetres", "BAR1, BAR2"),
-        (1.0 / METRES_PER_FOOT, 0.3048, "feet", "BAR1, BAR2"),
-    ],
+    every(
+        3,
+        [
+            (1000.0, 0.001, "millimetres", "BAR1"),
+            (100.0, 0.01, "centimetres", "BAR1, BAR2"),
+            (1.0 / METRES_PER_FOOT, 0.3048, "feet", "BAR1, BAR2"),
+        ],
+    ),
 )
 def test_one_distance_in_another_unit_is_named_without_control(
     tmp_path: Path, factor: float, multiplied: float, unit: str, others: str
@@ -151,7 +155,7 @@ def test_one_distance_in_another_unit_is_named_without_control(
     assert f"factor {multiplied} for BAR0: written in {unit}, as it seems, and {others} in metres" in line
 
 
-@pytest.mark.parametrize("factor", [1.0, 2.0])
+@pytest.mark.parametrize("factor", every(2, [1.0, 2.0]))
 def test_no_unit_is_named_where_none_explains_the_distances(tmp_path: Path, factor: float) -> None:
     made = free_network()
     folder = made.write(tmp_path / "folder")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import Any
 
 import pytest
@@ -15,10 +15,15 @@ def every(count: int, cases: Iterable[Any]) -> list[Any]:
     return [_case(case, is_long=number % count > 0) for number, case in enumerate(cases)]
 
 
-def in_turn(cases: Iterable[Any], ways: Sequence[Any]) -> list[Any]:
-    """Return all cases in all ways, of which each case is not long in a single one: the ways take turns."""
+def with_long(long: Collection[Any], cases: Iterable[Any]) -> list[Any]:
+    """Return all cases, of which those in `long` are long: they take seconds, and have a sibling that is not."""
+    return [_case(case, is_long=case in long) for case in cases]
+
+
+def in_turn(cases: Iterable[Any], ways: Sequence[Any], long: Collection[Any] = ()) -> list[Any]:
+    """Return all cases in all ways, of which each case not in `long` is not long in a single one, in turn."""
     return [
-        _case((case, way), is_long=number % len(ways) != at)
+        _case((case, way), is_long=number % len(ways) != at or case in long)
         for number, case in enumerate(cases)
         for at, way in enumerate(ways)
     ]

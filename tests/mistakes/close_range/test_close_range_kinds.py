@@ -10,6 +10,7 @@ from cli.command_line import orip
 from mistakes.advice import is_well, said_first
 from msgspec import Struct, field
 from scipy.spatial.transform import Rotation
+from support.long_cases import with_long
 
 COLUMNS, ROWS, WIDTH, C = 7952, 5304, 35.9, 24.3
 PIXEL = WIDTH / COLUMNS
@@ -99,7 +100,7 @@ SAID: dict[str, tuple[Project, tuple[str, ...]]] = {
 """What is written, and words of what is said first."""
 
 
-@pytest.mark.parametrize("name", SAID)
+@pytest.mark.parametrize("name", with_long(("sign of KAPPA in .ELE", "the same with positions"), SAID))
 def test_the_first_sentence_names_the_cause_and_the_mend(name: str, tmp_path: Path) -> None:
     project, words = SAID[name]
     first = said_first(orip(project.write(tmp_path / "p"), "run", "--no-report"))

@@ -35,7 +35,7 @@ def strip_with_control_at_its_ends(seed: int, c: float) -> Folder:
     return Folder(points, images(photos, points, TRUE, 115.0, 0.005), control, c=c)
 
 
-@pytest.mark.parametrize("seed", [2, 4, 5, 6])
+@pytest.mark.parametrize("seed", every(4, [2, 4, 5, 6]))
 def test_another_lens_is_not_called_a_wrong_control_point(tmp_path: Path, seed: int) -> None:
     said = run(strip_with_control_at_its_ends(seed, 157.3).write(tmp_path / "folder"))
     assert "C of camera C is off by about +" in status(said), said.told

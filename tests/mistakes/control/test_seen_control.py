@@ -82,7 +82,7 @@ def test_a_control_point_under_two_numbers_is_named(tmp_path: Path) -> None:
     assert "points 42 and 4201: their rays meet in one place" in told
 
 
-@pytest.mark.parametrize("seed", every(3, [6, 0, 3, 4, 7]))
+@pytest.mark.parametrize("seed", every(5, [6, 0, 3, 4, 7]))
 def test_control_with_errors_that_are_too_small_accuses_no_point(tmp_path: Path, seed: int) -> None:
     made, random = sound("", seed), np.random.default_rng(seed)
     made.control = {name: xyz + random.normal(scale=0.3, size=3) for name, xyz in made.control.items()}

@@ -143,6 +143,7 @@ def test_the_first_sentence_names_the_cause(tmp_path: Path, name: str, ending: s
         assert_documented(kind.title, first)
 
 
+@pytest.mark.long
 def test_templates_are_told_from_points_beside_the_film_where_no_stage_is_given(tmp_path: Path) -> None:
     folder = sample("small_frame_block", tmp_path / "cliff")
     exchanged_templates(folder)

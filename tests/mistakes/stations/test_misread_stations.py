@@ -11,7 +11,7 @@ import pytest
 from cli.command_line import Said, orip
 from mistakes.first_line import first_line
 from mistakes.small_folders import aerial, images, known
-from support.long_cases import every, in_turn
+from support.long_cases import in_turn
 
 from orip.structs import replace
 
@@ -121,12 +121,14 @@ def test_no_lever_arm_or_shift_of_hundreds_of_metres_is_advised(tmp_path: Path) 
     assert "no shift is so large" in said.told
 
 
+@pytest.mark.long
 def test_a_shift_that_gnss_can_be_off_by_is_still_to_be_set(tmp_path: Path) -> None:
     said = told(tmp_path / "folder", "STA", PLACES + np.array([3.0, -1.5, 2.0]))
     assert "set shift" in said.told
 
 
-@pytest.mark.parametrize("ending", every(2, ["STA", "ELE"]))
+@pytest.mark.long
+@pytest.mark.parametrize("ending", ["STA", "ELE"])
 def test_photos_of_two_lenses_under_one_camera_are_named_instead_of_their_stations(tmp_path: Path, ending: str) -> None:
     said = told(tmp_path / "folder", ending, PLACES, c_of_last=153.0)
     line = first_line([said])
