@@ -101,7 +101,7 @@ def register(app: typer.Typer) -> None:
 def _write_normals(
     invocation: Invocation, names: Sequence[str], output: Path | None, bundle: str | None, *, force: bool
 ) -> None:
-    from orip.workflow.adjust.normals import write_normals
+    from orip.workflow.adjust.results import write_normals
     from orip.workflow.adjust.solve import ADJUSTED_FROM
     from orip.workflow.project.bundle_state import read_bundle
 

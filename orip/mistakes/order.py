@@ -17,7 +17,6 @@ from orip.mistakes.camera_values import (
     principal_point_sign,
     square_pixels,
 )
-from orip.mistakes.contradicting_rigs import contradicting_rigs
 from orip.mistakes.control.contradicting_control import released_control
 from orip.mistakes.control.free_network import control_of_free_network
 from orip.mistakes.control.reduced_control import reduced_control
@@ -34,6 +33,7 @@ from orip.mistakes.hypothesis import Fit, Hypothesis, Misfit, Readjuster, fit_of
 from orip.mistakes.left_out_photos import misread_beside, misread_photos
 from orip.mistakes.other_units import angle_units, control_error_units, direction_units, measurement_precision_units
 from orip.mistakes.photo_coordinates import mirrored_photos, reduced_pictures
+from orip.mistakes.rigs.contradicting_rigs import contradicting_rigs
 from orip.mistakes.stations.along_flight import along_the_flight
 from orip.mistakes.stations.doubted_camera import camera_instead_of_stations
 from orip.mistakes.stations.heights_apart import heights_apart

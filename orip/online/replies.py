@@ -12,7 +12,6 @@ import numpy as np
 from orip.arrays import FloatArray
 from orip.errors import OripError, UsageError
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
-from orip.online.additions import what_helps
 from orip.online.answers import Answer, Candidate, Suspect, words_of
 from orip.online.block.online_block import OnlineBlock
 from orip.online.control_examination import control_as_given
@@ -20,10 +19,13 @@ from orip.online.deviations import photo_deviations, point_deviations
 from orip.online.fit import given_of, measured_of, residuals_of, statistics_of
 from orip.online.measuring import Measuring
 from orip.online.requests import Request, read_request
-from orip.online.session import OnlineSession
+from orip.online.session import LOG, OnlineSession
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.wording import counted
+from orip.workflow.adjust.gathering import block_input_so_far
+from orip.workflow.observations.films import mounted_films
+from orip.workflow.project.bundle_state import BundleState
 
 
 def summary(measuring: Measuring) -> str:
@@ -200,6 +202,33 @@ def _solved(session: OnlineSession, folder: Path, request: Request) -> Reply:
         "held": [one.text for one in solution.diagnosis if one.code == "pruned"],
         "files": [path.name for path in outcome.files],
     }
+
+
+_JUDGED = 100
+"""Points whose largest standard deviation is to fall, about."""
+
+
+def what_helps(session: OnlineSession, folder: Path, request: Request) -> dict[str, Any]:
+    """Adjust all that is measured in memory, and return what brings the largest standard deviation down most.
+
+    Raises
+    ------
+    UsageError
+        If nothing is measured yet, or there are fewer places than wanted.
+    InputError, NotSolvableError
+        If what is measured does not suffice for an adjustment.
+    """
+    # they take their time to import, and a session has to answer soon
+    from orip.bundle.additions.placing import USUAL_ERROR, Wanted, place_in_block, told
+    from orip.solving.solve import adjust_bundle
+
+    if not len(session.measuring.block.measurements):
+        message = "nothing is measured yet"
+        raise UsageError(message)
+    films = mounted_films(folder, LOG, "heads")
+    solved = adjust_bundle(block_input_so_far(BundleState(films.state, session.bundle.name)))
+    wanted = Wanted(request.added, request.number, "largest", _JUDGED, USUAL_ERROR)
+    return told(place_in_block(solved, wanted), wanted)
 
 
 _ADJUSTED: Mapping[str, Callable[[OnlineSession, Path, Request], Reply]] = {"add": what_helps, "solve": _solved}

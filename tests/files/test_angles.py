@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from orip.files.text.angles import degrees_and_side
-from orip.files.text.decimal_numbers import parse_degrees, parse_number
+from orip.files.text.decimal_numbers import degrees_and_side, parse_degrees, parse_number
 
 NORTH = [
     "53°30'00\"N",

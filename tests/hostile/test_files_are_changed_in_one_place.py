@@ -28,7 +28,7 @@ ALLOWED = {
     ("files/text/regular_file.py", "os.open"): "for reading",
     ("files/stores/transaction.py", "connect"): "after `require_own_store`",
     ("files/stores/joint_commit.py", "connect"): "in memory, and by what `transaction` hands in",
-    ("workflow/adjust/normals.py", "savez_compressed"): "in memory",
+    ("workflow/adjust/results.py", "savez_compressed"): "in memory",
     ("exchange/colmap/model.py", "connect"): "read only, and immutable",
     ("files/maps/geopackage.py", "connect"): "in memory",
     ("files/result/residuals.py", "open for writing"): "in memory",

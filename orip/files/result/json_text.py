@@ -7,19 +7,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Literal
+from functools import cache
+from typing import Literal, get_args, get_origin
 
+import msgspec
 import numpy as np
 
 from orip.files.identification import SCHEMA
 from orip.files.result.reader import INDENT, SINGULAR, Column, Points, compact, point_columns
 from orip.records.camera import CAMERA_PARAMETERS
-from orip.records.definition import MOTION_PARAMETERS
-from orip.records.figures import FigureEstimate
 from orip.records.photo import PHOTO_PARAMETERS
-from orip.records.results.solution import Estimates, InteriorSummary, Residuals, Solution
+from orip.records.results.solution import Estimates, Residuals, Solution
 from orip.records.results.stations import station_residuals
-from orip.records.results.tests import GroupTest, VarianceComponent
+from orip.schemas.project import Estimate, Part
+from orip.schemas.result import Blunder, Figure, InteriorOrientation, Motion, Result, VarianceComponent
 
 RESIDUALS_FILE = "residuals.csv"
 
@@ -40,77 +41,68 @@ def result_document(solution: Solution) -> dict[str, object]:
 
 
 def _document(solution: Solution, points: object, point_columns: object, residuals_file: str) -> dict[str, object]:
-    return {
-        **_head(solution),
-        "cameras": _cameras(solution),
-        "projections": dict(zip(solution.cameras.names, solution.projections, strict=True)),
-        "photos": _estimates(solution.photos, PHOTO_PARAMETERS),
-        "points": points,
-        "point_columns": point_columns,
-        "antennas": _antennas(solution),
-        "stations": _stations(solution),
-        "rigs": _rigs(solution),
-        "mountings": _mountings(solution),
-        "exposures": _exposures(solution),
-        "motions": _motions(solution),
-        "theodolites": {row.set: {"R": _estimate(row.value, row.sd)} for row in solution.zero_directions},
-        "figures": {row.name: _figure(row) for row in solution.figures},
-        **_findings(solution),
-        "interior": {
-            group: {row.name: _interior(row) for row in solution.interior if row.group == group}
+    return _part(
+        Result,
+        solution,
+        schema=SCHEMA,
+        cameras=_cameras(solution),
+        projections=dict(zip(solution.cameras.names, solution.projections, strict=True)),
+        photos=_estimates(solution.photos, PHOTO_PARAMETERS),
+        points=points,
+        point_columns=point_columns,
+        antennas=_antennas(solution),
+        stations=_stations(solution),
+        rigs=_rigs(solution),
+        mountings=_mountings(solution),
+        exposures=_exposures(solution),
+        motions={row.photo: _part(Motion, row) for row in solution.motions},
+        theodolites={row.set: {"R": _estimate(row.value, row.sd)} for row in solution.zero_directions},
+        figures={row.name: _part(Figure, row) for row in solution.figures},
+        down_weighted=_down_weighted(solution.residuals),
+        blunders=[
+            _part(Blunder, row, alternatives=row.alternatives.split("; ") if row.alternatives else [])
+            for row in solution.blunders
+        ],
+        variance_components=[
+            _part(VarianceComponent, row, factor=_estimate(row.factor, row.sd)) for row in solution.variance_components
+        ],
+        interior={
+            group: {row.name: _part(InteriorOrientation, row) for row in solution.interior if row.group == group}
             for group in ("templates", "photos")
         },
-        "inputs": dict(solution.inputs),
-        "residuals_file": residuals_file,
-        "warnings": [{"code": code, "where": where, "text": text} for code, where, text in solution.warnings],
-    }
+        inputs=dict(solution.inputs),
+        residuals_file=residuals_file,
+        warnings=[{"code": code, "where": where, "text": text} for code, where, text in solution.warnings],
+    )
 
 
-def _head(solution: Solution) -> dict[str, object]:
-    """Return which adjustment it is, how it ended, and how it got there."""
+_fields = cache(msgspec.structs.fields)
+
+
+def _part(kind: type[Part], row: object, **others: object) -> dict[str, object]:
+    """Return a part of the document with the keys of its type: what is not given is an attribute of the row."""
     return {
-        "schema": SCHEMA,
-        "run": solution.run,
-        "project": solution.project,
-        "user": solution.user,
-        "bundle": solution.bundle,
-        "status": solution.status,
-        "verdict": solution.verdict,
-        "ground_unit": solution.ground_unit,
-        **_key_figures(solution),
-        "iterations": [
-            {
-                "iteration": int(row.iteration),
-                "enp": _number(row.enp),
-                "sigma0": _number(row.sigma0),
-                "down_weighted": int(row.down_weighted),
-                "singular": int(row.singular),
-            }
-            for row in solution.iterations
-        ],
+        field.name: others[field.name] if field.name in others else _written(field.type, row, field.name)
+        for field in _fields(kind)
     }
 
 
-def _findings(solution: Solution) -> dict[str, object]:
-    """Return what does not fit, what is weak, and what independent values say."""
-    return {
-        "down_weighted": _down_weighted(solution.residuals),
-        "singular": [
-            {"group": row.group, "name": row.name, "kind": row.kind, "lost_digits": _number(row.lost_digits)}
-            for row in solution.singular
-        ],
-        "correlations": [{"a": row.a, "b": row.b, "r": _number(row.r)} for row in solution.correlations],
-        "blunders": _blunders(solution),
-        "diagnosis": [
-            {"code": row.code, "where": row.where, "text": row.text, "remedy": row.remedy} for row in solution.diagnosis
-        ],
-        "check_points": [
-            {"name": row.name, "dX": _number(row.dX), "dY": _number(row.dY), "dZ": _number(row.dZ)}
-            for row in solution.check_points
-        ],
-        "groups": _groups(solution),
-        "variance_components": _variance_components(solution),
-    }
+def _written(kind: object, row: object, name: str) -> object:
+    """Return an attribute as a type of the documents has it; the standard deviation of NAME is NAME_sd."""
+    value = getattr(row, name)
+    if kind is Estimate:
+        return _estimate(value, getattr(row, f"{name}_sd"))
+    if kind is int or kind is bool:
+        return kind(value)
+    parts = get_args(kind)
+    if get_origin(kind) is list:
+        return [_part(parts[0], entry) for entry in value]
+    if kind is float or float in parts:
+        return SINGULAR if _SINGULAR in parts and math.isinf(value) else _number(value)
+    return value
+
+
+_SINGULAR = Literal["singular"]
 
 
 def result_text(solution: Solution, residuals_file: str = RESIDUALS_FILE) -> str:
@@ -126,18 +118,6 @@ def result_pieces(solution: Solution, residuals_file: str = RESIDUALS_FILE) -> I
     points, columns = ({}, point_columns(solution)) if solution.is_large else (Points(solution), None)
     yield from _json_pieces(_document(solution, points, columns, residuals_file), "")
     yield "\n"
-
-
-def _key_figures(solution: Solution) -> dict[str, object]:
-    return {
-        "sigma0": _number(solution.sigma0),
-        "sigma0_all": _number(solution.sigma0_all),
-        "redundancy": int(solution.redundancy),
-        "redundancy_used": _number(solution.redundancy_used),
-        "observations": int(solution.observations),
-        "unknowns": int(solution.unknowns),
-        "enp": _number(solution.enp),
-    }
 
 
 def _number(value: float) -> float | None:
@@ -203,15 +183,6 @@ def _exposures(solution: Solution) -> dict[str, dict[str, object]]:
     return found
 
 
-def _motions(solution: Solution) -> dict[str, dict[str, object]]:
-    """Return the motion of each photo of a rolling shutter."""
-    return {
-        row.photo: {kind: _estimate(getattr(row, kind), getattr(row, f"{kind}_sd")) for kind in MOTION_PARAMETERS}
-        | {"pixels": _number(row.pixels)}
-        for row in solution.motions
-    }
-
-
 def _stations(solution: Solution) -> dict[str, dict[str, object]]:
     """Return strip and time of each photo with a station, and the residuals of its position and attitude."""
     found: dict[str, dict[str, object]] = {
@@ -255,80 +226,6 @@ def _down_weighted(residuals: Residuals) -> list[dict[str, object]]:
         }
         for i in np.flatnonzero(residuals.weight_factor < 1.0).tolist()
     ]
-
-
-def _blunders(solution: Solution) -> list[dict[str, object]]:
-    return [
-        {
-            "order": int(row.order),
-            "kind": row.kind,
-            "photo": row.photo,
-            "point": row.point,
-            "component": row.component,
-            "size": _number(row.size),
-            "sd": _number(row.sd),
-            "statistic": _number(row.statistic),
-            "limit": _number(row.limit),
-            "alternatives": row.alternatives.split("; ") if row.alternatives else [],
-        }
-        for row in solution.blunders
-    ]
-
-
-def _group(row: GroupTest | VarianceComponent) -> dict[str, object]:
-    return {"kind": row.kind, "of": row.of, "component": row.component, "number": int(row.number)}
-
-
-def _groups(solution: Solution) -> list[dict[str, object]]:
-    return [
-        {
-            **_group(row),
-            "down_weighted": int(row.down_weighted),
-            "redundancy": _number(row.redundancy),
-            "sigma0": _number(row.sigma0),
-            "p_sigma0": _number(row.p_sigma0),
-            "mean": _estimate(row.mean, row.mean_sd),
-            "p_mean": _number(row.p_mean),
-            "shift": _estimate(row.shift, row.shift_sd),
-            "worst": row.worst,
-            "worst_size": _number(row.worst_size),
-            "p_worst": _number(row.p_worst),
-            "doubted": bool(row.doubted),
-        }
-        for row in solution.groups
-    ]
-
-
-def _variance_components(solution: Solution) -> list[dict[str, object]]:
-    return [
-        {
-            **_group(row),
-            "redundancy": _number(row.redundancy),
-            "factor": _estimate(row.factor, row.sd),
-            "p": _number(row.p),
-        }
-        for row in solution.variance_components
-    ]
-
-
-def _figure(row: FigureEstimate) -> dict[str, object]:
-    sizes = {name: _estimate(0.0, getattr(row, name))["sd"] for name in ("sd_place", "sd_direction", "sd_radius")}
-    values = {name: _number(getattr(row, name)) for name in ("X", "Y", "Z", "dX", "dY", "dZ", "radius")}
-    return {"kind": row.kind, "points": int(row.points), **values, **sizes, "rms": _number(row.rms)}
-
-
-def _interior(summary: InteriorSummary) -> dict[str, object]:
-    return {
-        "type": summary.type,
-        "x0": _number(summary.x0),
-        "y0": _number(summary.y0),
-        "ro": _number(summary.ro),
-        "sk": _number(summary.sk),
-        "sx": _number(summary.sx),
-        "sy": _number(summary.sy),
-        "s0": _number(summary.s0),
-        "redundancy": int(summary.redundancy),
-    }
 
 
 def _json_pieces(node: object, margin: str) -> Iterator[str]:

@@ -7,7 +7,6 @@ import re
 from pathlib import Path
 from typing import cast
 
-from orip.files.text.angles import degrees_and_side
 from orip.files.text.regular_file import beginning
 from orip.files.text.shown import shown_token
 from orip.records.results.tests import OPERATORS, Gate, GateOperator
@@ -213,3 +212,40 @@ def _is_number(field: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+_ANGLE_NUMBER = r"[0-9]{1,3}(?:[.,][0-9]{0,15})?"
+_ANGLE = re.compile(
+    rf"""
+    (?P<before> [NSEW]? ) \s* (?P<sign> [+−-]? ) \s* (?P<degrees> {_ANGLE_NUMBER} )
+    (?P<mark> \s* [°º˚] )?
+    (?: (?: (?(mark) \s* | (?: \s*:\s* | \s+ ) ) ) (?P<minutes> {_ANGLE_NUMBER} )
+        (?: (?: \s*['′’´]\s* | \s*:\s* | \s+ ) (?: (?P<seconds> {_ANGLE_NUMBER} ) \s* (?: ["″”] | '' | ′′ | ’’ )? )? )?
+    )?
+    \s* (?P<after> [NSEW]? )
+    """,
+    re.VERBOSE,
+)
+_ANGLE_PARTS = ("degrees", "minutes", "seconds")
+_LONGEST_ANGLE = 60
+_SIXTY = 60.0
+
+
+def degrees_and_side(token: str) -> tuple[float, str] | None:
+    """Return an angle in degrees and the letter of its hemisphere, "" without one; None if it is not so written.
+
+    South and west are negative. A plain number is not so written.
+    """
+    match = _ANGLE.fullmatch(token.strip()) if len(token) <= _LONGEST_ANGLE else None
+    if match is None:
+        return None
+    side = match["before"] or match["after"]
+    parts = [match[part] for part in _ANGLE_PARTS if match[part] is not None]
+    is_written = side or match["mark"] or ":" in token or len(parts) == len(_ANGLE_PARTS)
+    if not is_written or (match["before"] and match["after"]) or (match["sign"] and side):
+        return None
+    numbers = [float(part.replace(",", ".")) for part in parts]
+    if any(not part.isdigit() for part in parts[:-1]) or any(number >= _SIXTY for number in numbers[1:]):
+        return None
+    size = sum(number / _SIXTY**power for power, number in enumerate(numbers))
+    return (-size if side in ("S", "W") or match["sign"] in ("-", "−") else size), side

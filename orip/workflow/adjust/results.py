@@ -1,7 +1,8 @@
-"""`orip results` and `orip check`: the last adjustment in tables, its covariance matrix, and gates checked."""
+"""`orip results` and `orip check`: the last adjustment in tables, its covariances and normals, gates checked."""
 
 from __future__ import annotations
 
+import io
 import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import chain, islice
@@ -13,7 +14,14 @@ from msgspec import Struct
 
 from orip.bundle.methods import Method
 from orip.bundle.results.angles import AngleSystem, AngleUnit, with_angles
-from orip.bundle.results.covariance import Figures, camera_figures, covariance, photo_figures, point_figures
+from orip.bundle.results.covariance import (
+    Figures,
+    camera_figures,
+    covariance,
+    normal_equations,
+    photo_figures,
+    point_figures,
+)
 from orip.bundle.results.reliability import reliability_of
 from orip.bundle.snooping.search import SnoopingSettings
 from orip.bundle.solve import SolvedBlock
@@ -339,3 +347,40 @@ def _method(bundle: BundleState, stored: Solution) -> Method:
         "or it was adjusted with --alpha; run 'orip solve', and then this command"
     )
     raise InputError.single(message)
+
+
+class WrittenNormals(NamedTuple):
+    """The run whose normal equations were written, and how many unknowns they have."""
+
+    run: str
+    unknowns: int
+
+
+def write_normals(bundle: BundleState, output: Path | None, folder: Path, *, force: bool = False) -> WrittenNormals:
+    """Write the normal equations, which are computed again; see `NormalEquations` for what they are.
+
+    The arrays of the .npz are names, data, indices, indptr (of a sparse matrix by rows), right, removed, square_sum,
+    sigma0 and run.
+
+    Raises
+    ------
+    UsageError
+        If the file does not end in .npz, or another one would be replaced.
+    InputError
+        If the bundle has not been adjusted, or what it was adjusted from has changed since.
+    """
+    if output is None or output.suffix.lower() != ".npz":
+        message = "name the file of the normal equations: --output normals.npz, for NumPy"
+        raise UsageError(message)
+    found = normal_equations(solved_again(bundle))
+    file = io.BytesIO()
+    np.savez_compressed(
+        file, names=np.array(found.names, dtype=np.str_), data=found.matrix.data, indices=found.matrix.indices,
+        indptr=found.matrix.indptr, right=found.right, removed=found.removed, square_sum=np.array(found.square_sum),
+        sigma0=np.array(bundle.adjusted.sigma0), run=np.array(bundle.adjusted.run),
+    )  # fmt: skip
+    data, path = file.getvalue(), folder / output
+    with reporting_failure(path, "choose another file with --output"):
+        require_replaceable(bundle.project, path, force=force, begins=data)
+        replace_bytes(path, data)
+    return WrittenNormals(bundle.adjusted.run, len(found.names))

@@ -3,8 +3,12 @@
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from support.rig_blocks import from_nothing, rig_block, without_common_view
 
-from orip.mistakes.contradicting_rigs import EXCHANGED_CAMERAS, MOUNTING, _compared, _Found
+from orip.mistakes.rigs.contradicting_rigs import EXCHANGED_CAMERAS, MISREAD_MOUNTING, MOUNTING, _compared, _Found
+from orip.records.rig import Mounting
+from orip.solving.solve import solve
+from orip.structs import replace
 
 NAMES = dict(enumerate("ABCDE"))
 OFFSET_ERROR, TURN_ERROR = 0.002, 1e-4
@@ -48,3 +52,86 @@ def test_camera_that_is_mounted_elsewhere_is_named_alone(seed):
     assert _told(said, {**said, 3: _moved(said[3], np.zeros(3), np.array([0.0, 0.0, 0.01]))}) == [
         (MOUNTING, "camera D")
     ]
+
+
+def _order_kappa_first(rotation):
+    return Rotation.from_euler("XYZ", Rotation.from_matrix(rotation).as_euler("xyz")).as_matrix()
+
+
+def _as_degrees(rotation):
+    angles = Rotation.from_matrix(rotation).as_euler("XYZ", degrees=True)
+    return Rotation.from_euler("XYZ", np.radians(angles), degrees=True).as_matrix()
+
+
+WRITTEN = {
+    "a thousand times too large": lambda o, m: (1000.0 * o, m),
+    "a thousand times too small": lambda o, m: (o / 1000.0, m),
+    "in radians": lambda o, m: (o, _as_degrees(m)),
+    "from the rig to the photo; write rotation": lambda o, m: (o, m.T),
+    "in the order kappa, phi, omega": lambda o, m: (o, _order_kappa_first(m)),
+    "along the axes of the photo": lambda o, m: (m.T @ o, m),
+    "lead from the rig to the photo": lambda o, m: (-m.T @ o, m.T),
+}
+
+
+@pytest.mark.parametrize("rows", [(1,), (2, 4), (1, 2, 3, 4)])
+@pytest.mark.parametrize("what", WRITTEN)
+def test_mountings_that_were_written_otherwise_are_named_with_what_to_write(what, rows):
+    """Rotations in radians are told where no angle is beyond the other side of a pole: of these the angles are one."""
+    rng = np.random.default_rng(len(what))
+    rotations = Rotation.from_euler("XYZ", rng.uniform(-60, 60, (len(NAMES), 3)), degrees=True).as_matrix()
+    meant = {row: (rng.uniform(-0.5, 0.5, 3), rotations[row]) for row in NAMES} | {0: (np.zeros(3), np.eye(3))}
+    said = meant | {row: WRITTEN[what](*meant[row]) for row in rows}
+    covariance = np.diag([OFFSET_ERROR**2] * 3 + [TURN_ERROR**2] * 3)
+    found = _Found(meant, dict.fromkeys(NAMES, covariance))
+    (warning,) = _compared(said, found, NAMES, "head", "m")
+    assert (warning.code, warning.where) == (MISREAD_MOUNTING, "rig head")
+    assert what in warning.text
+    named = [NAMES[row] for row in rows]
+    assert warning.text.startswith(f"camera{'s' if len(rows) > 1 else ''} {named[0]}")
+    values = warning.text.split("write ")[1]
+    key, value = ("offset", meant[rows[0]][0]) if values.startswith("offset") else (
+        "rotation", Rotation.from_matrix(meant[rows[0]][1]).as_euler("XYZ", degrees=True))  # fmt: skip
+    assert f"{key} = [{', '.join(f'{one:.6g}' for one in value)}]" in values
+    assert all(f"for {name}" in values for name in named)
+
+
+def _with_constant(made, change):
+    """Return the block from nothing with constant mountings that a change has been made to."""
+    (rig,) = made.block.rigs.rigs
+    cameras = [rig.cameras[0]]
+    for row in range(1, len(rig.cameras)):
+        offset, mounting = change(*_against_first(made, row))
+        angles = Rotation.from_matrix(mounting).as_euler("XYZ", degrees=True)
+        cameras.append(Mounting(rig.cameras[row].name, tuple(offset.tolist()), None, tuple(angles.tolist())))
+    rigs = replace(made.block.rigs, rigs=(replace(rig, cameras=tuple(cameras)),))
+    return replace(from_nothing(made.block), rigs=rigs)
+
+
+def _against_first(made, row):
+    to_first = made.mountings[0].T
+    return to_first @ (made.offsets[row] - made.offsets[0]), to_first @ made.mountings[row]
+
+
+@pytest.mark.parametrize("head", ["stereo", "three", "penta"])
+@pytest.mark.parametrize("what", ["a thousand times too large", "from the rig to the photo; write rotation"])
+def test_constant_mountings_written_otherwise_are_named_first_from_nothing(head, what):
+    block = _with_constant(rig_block(head, "written", points=150), WRITTEN[what])
+    solution, _ = solve(block)
+    code, where, text = solution.warnings[0]
+    assert (code, where) == (MISREAD_MOUNTING, "rig HEAD")
+    assert what in text
+    assert len([code for code, _, _ in solution.warnings]) == 1
+
+
+def test_cameras_without_common_view_are_compared_with_the_rig_that_ties_them():
+    made = rig_block("apart", "no common view", points=400)
+    apart = replace(made, block=without_common_view(made))
+    solution, _ = solve(_with_constant(apart, WRITTEN["a thousand times too large"]))
+    assert solution.warnings[0][:2] == (MISREAD_MOUNTING, "rig HEAD")
+
+
+@pytest.mark.parametrize("head", ["stereo", "three"])
+def test_right_constant_mountings_have_no_warning(head):
+    solution, _ = solve(_with_constant(rig_block(head, "written", points=150), lambda o, m: (o, m)))
+    assert not solution.warnings

@@ -1,13 +1,13 @@
 """Rigs that photos contradict: a camera mounted elsewhere, two cameras exchanged, a photo of another instant.
 
-The block is adjusted with all photos on their own. How each camera is mounted follows from the exposures, robustly; it
-is compared with what is given, and each photo with the others of its exposure.
+The block is adjusted with all photos on their own, from where it is; if they do not fit so, with unknown mountings from
+nothing. How each camera is mounted follows from the exposures, robustly; it is compared with what is given, and each
+photo with the others of its exposure.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import combinations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -20,8 +20,9 @@ from orip.geometry.rotation import (
     rotation_from_angles,
     rotation_vectors_with_partials,
 )
-from orip.mistakes.hypothesis import Fit, Misfit, fit_of_adjustment, is_good
+from orip.mistakes.hypothesis import Fit, Misfit, Readjuster, fit_of_adjustment, is_good
 from orip.mistakes.mistake import ANOTHER_START, ON_GROUND, Consequence, declare
+from orip.mistakes.rigs.misread_mountings import Pose, other_mountings
 from orip.records.observation_kinds import MOUNTING as OBSERVED_MOUNTING
 from orip.records.observation_kinds import PHOTO_POINT
 from orip.records.rig import Mounting, Rig, Rigs
@@ -37,6 +38,7 @@ _BENT = Consequence(warnings=ANOTHER_START, groups=(*ON_GROUND, "check point", "
 """Cameras that are not where a rig has them bend all that it holds."""
 
 MOUNTING = declare("mounting", "", _BENT)
+MISREAD_MOUNTING = declare("misread-mounting", "", _BENT)
 EXCHANGED_CAMERAS = declare("exchanged-cameras", "", _BENT)
 
 _SHARE = 0.15
@@ -49,36 +51,61 @@ _LIMIT = 60.0
 """Square of a difference of six elements, over their covariance, from which it is no chance: 22 has a probability of
 0.1 %, and correlations between photos are neglected."""
 
-_EXCHANGED, _CERTAINLY = 0.1, 1e-3
-"""Part of the differences that is left where two cameras are exchanged, and one that no other mistake leaves."""
+_EXPLAINED, _CERTAINLY = 0.1, 1e-3
+"""Part of the differences that is left where mountings are read as they were meant, and one that no other reading
+leaves."""
 
-_Pose = tuple[FloatArray, FloatArray]
-"""Place (3,) and rotation (3, 3)."""
+_AS_WELL = 1.01
+"""Ratio of two of these parts up to which one reading is as likely as the other: of a rig of two cameras the inverse
+mounting is that of the exchanged ones."""
+
+_NOT_GIVEN = 10.0
+"""Error of an offset that is not given, in the largest one; of a rotation 1 radian."""
 
 
 class _Found(NamedTuple):
     """Cameras of a rig as k photos have them: poses and covariances (6, 6), by camera."""
 
-    poses: dict[int, _Pose]
+    poses: dict[int, Pose]
     covariances: dict[int, FloatArray]
 
 
 def contradicting_rigs(misfit: Misfit) -> list[ProjectWarning]:
     """Return what is wrong with rigs and exposures; nothing where photos on their own do not fit either."""
     solved, readjuster = misfit.solved, misfit.readjuster
-    rigs = solved.problem.unknowns.rigs
-    if rigs is None or not readjuster.is_worthwhile or not _is_doubtful(fit_of_adjustment(solved)):
+    if solved.problem.unknowns.rigs is None or not readjuster.is_worthwhile:
         return []
-    state = solved.state
-    orientation = np.hstack([state.centres, angles_from_rotation(state.rotations)])
+    if not (_is_doubtful(fit_of_adjustment(solved)) or any(group.doubted for group in misfit.solution.groups)):
+        return []
+    said = readjuster.block.rigs
+    for free in _without_mountings(solved, readjuster):
+        if free is not None and is_good(fit_of_adjustment(free)) and _has_most_photos(free, said):
+            return list(_wrong_mountings(free, said)) or list(_other_instants(free, said))
+    return []
+
+
+def _without_mountings(solved: SolvedBlock, readjuster: Readjuster) -> Iterator[SolvedBlock | None]:
+    """Yield adjustments with all photos on their own, from where the block is, and with mountings from nothing.
+
+    Cameras without a common view need the rig.
+    """
+    block, state = readjuster.block, solved.state
     names = {photo.name: row for row, photo in enumerate(solved.block.photos)}
-    if any(photo.name not in names for photo in readjuster.block.photos):
-        return []
-    rows = np.array([names[photo.name] for photo in readjuster.block.photos])
-    alone = readjuster.adjust(replace(readjuster.block, rigs=Rigs(), photo_orientation=orientation[rows]))
-    if alone is None or not is_good(fit_of_adjustment(alone)):
-        return []
-    return list(_wrong_mountings(alone, readjuster.block.rigs)) or list(_other_instants(alone, readjuster.block.rigs))
+    if all(photo.name in names for photo in block.photos):
+        orientation = np.hstack([state.centres, angles_from_rotation(state.rotations)])
+        rows = np.array([names[photo.name] for photo in block.photos])
+        yield readjuster.adjust(replace(block, rigs=Rigs(), photo_orientation=orientation[rows]))
+    if (unknown := _with_unknown_mountings(block.rigs)) != block.rigs:
+        yield readjuster.adjust(replace(block, rigs=unknown))
+
+
+def _has_most_photos(free: SolvedBlock, given: Rigs) -> bool:
+    """Return whether most photos of each camera on a rig are determined: others stay where the rig had them."""
+    from orip.bundle.results.ground import undetermined_photos
+
+    photos, _, cameras = np.array(replace(free.block, rigs=given).places_on_rigs().photos).T
+    determined = ~undetermined_photos(free)[photos].any(axis=1)
+    return bool((np.bincount(cameras, determined) > 0.5 * np.bincount(cameras)).all())
 
 
 def _is_doubtful(given: Fit) -> bool:
@@ -98,18 +125,13 @@ def _wrong_mountings(alone: SolvedBlock, given: Rigs) -> Iterator[ProjectWarning
     places = replace(alone.block, rigs=given).places_on_rigs()
     for rig in given.rigs:
         rows = [row for row, camera in enumerate(places.mounted) if camera.rig == rig.name]
-        said: dict[int, _Pose] = {}
+        said: dict[int, Pose] = {}
         errors: dict[int, FloatArray] = {}
+        largest = np.linalg.norm(state.offsets[rows], axis=1).max(initial=0.0)
         for row in rows:
             mounting = places.mounted[row].mounting
-            if mounting.offset is not None and mounting.rotation is not None:
-                said[row] = (
-                    np.array(mounting.offset),
-                    rotation_from_angles(np.array(mounting.rotation) * RADIANS_PER_DEGREE),
-                )
-                error = np.array([value or 0.0 for value in mounting.errors])
-                error[3:] *= RADIANS_PER_DEGREE
-                errors[row] = np.diag(error**2)
+            if mounting.offset is not None or mounting.rotation is not None:
+                said[row], errors[row] = _given(mounting, (state.offsets[row], state.mountings[row]), largest)
         if len(said) < 2:
             continue
         found = {row: (state.offsets[row], state.mountings[row]) for row in said}
@@ -118,23 +140,38 @@ def _wrong_mountings(alone: SolvedBlock, given: Rigs) -> Iterator[ProjectWarning
         yield from _compared(said, _Found(found, of_found), names, rig.name, alone.block.ground_unit)
 
 
+def _given(mounting: Mounting, found: Pose, largest: float) -> tuple[Pose, FloatArray]:
+    """Return a mounting as it is given, with its covariance (6, 6); what is not given is as found, and uncertain."""
+    offset, rotation = found
+    error = np.array([_NOT_GIVEN * largest] * 3 + [1.0] * 3)
+    of_given = np.array([value or 0.0 for value in mounting.errors])
+    if mounting.offset is not None:
+        offset, error[:3] = np.array(mounting.offset), of_given[:3]
+    if mounting.rotation is not None:
+        rotation = rotation_from_angles(np.array(mounting.rotation) * RADIANS_PER_DEGREE)
+        error[3:] = of_given[3:] * RADIANS_PER_DEGREE
+    return (offset, rotation), np.diag(error**2)
+
+
 def _compared(
-    said: dict[int, _Pose], found: _Found, names: dict[int, str], rig: str, unit: str
+    said: dict[int, Pose], found: _Found, names: dict[int, str], rig: str, unit: str
 ) -> Iterator[ProjectWarning]:
     off = _off(said, found)
     if not off:
         return
     size = _size(said, found)
-    for one, other in combinations(said, 2):
-        exchanged = {**said, one: said[other], other: said[one]}
-        left = _size(exchanged, found) / size
-        if left < _CERTAINLY or (left < _EXCHANGED and not _off(exchanged, found)):
-            text = (
-                f"cameras {names[one]} and {names[other]} of rig {rig} are exchanged: each is mounted where the other "
-                "one is said to be; exchange their names in the [[rig]], or the cameras of their photos"
-            )
-            yield ProjectWarning(EXCHANGED_CAMERAS, f"rig {rig}", text)
-            return
+    readings = [(_size(meant.poses, found) / size, meant) for meant in other_mountings(said, list(off), names, rig)]
+    likely = [
+        (left, meant)
+        for left, meant in sorted(readings, key=lambda reading: reading[0])
+        if left < _CERTAINLY or (left < _EXPLAINED and not _off(meant.poses, found))
+    ]
+    if likely:
+        least, first = likely[0]
+        others = [meant.text for left, meant in likely[1:] if left <= _AS_WELL * least]
+        code = EXCHANGED_CAMERAS if first.is_exchange else MISREAD_MOUNTING
+        yield ProjectWarning(code, f"rig {rig}", "; or ".join([first.text, *dict.fromkeys(others)]))
+        return
     for row, (shift, turn) in off.items():
         text = (
             f"camera {names[row]} is mounted {np.linalg.norm(turn) * DEGREES_PER_RADIAN:.2g} degrees and "
@@ -174,13 +211,17 @@ def _free(alone: SolvedBlock, given: Rigs) -> tuple[RigState, FloatArray]:
     from orip.bundle.results.ground import photo_cofactors
     from orip.bundle.rigs.starting import starting_rigs
 
-    unknown = tuple(Rig(rig.name, tuple(Mounting(one.name) for one in rig.cameras)) for rig in given.rigs)
     state = alone.state
     orientation = np.hstack([state.centres, angles_from_rotation(state.rotations)])
-    block = replace(alone.block, rigs=replace(given, rigs=unknown), photo_orientation=orientation)
+    block = replace(alone.block, rigs=_with_unknown_mountings(given), photo_orientation=orientation)
     found = starting_rigs(block)
     assert found is not None, "there are photos of rigs"
     return found, alone.deviation_scale**2 * photo_cofactors(alone)[found.photo]
+
+
+def _with_unknown_mountings(given: Rigs) -> Rigs:
+    rigs = (Rig(rig.name, tuple(Mounting(one.name) for one in rig.cameras)) for rig in given.rigs)
+    return replace(given, rigs=tuple(rigs))
 
 
 def _mean_covariance(state: RigState, covariances: FloatArray, camera: int) -> FloatArray:
@@ -192,7 +233,7 @@ def _mean_covariance(state: RigState, covariances: FloatArray, camera: int) -> F
     return np.asarray((turns @ covariances[rows] @ np.swapaxes(turns, 1, 2)).mean(axis=0))
 
 
-def _off(said: dict[int, _Pose], found: _Found) -> dict[int, tuple[FloatArray, FloatArray]]:
+def _off(said: dict[int, Pose], found: _Found) -> dict[int, tuple[FloatArray, FloatArray]]:
     """Return the cameras that are not where the others, put where they are, have them: shift (3,), rotation (3,).
 
     Left out one after the other, that which fits least first; of two cameras it is the second one.
@@ -209,7 +250,7 @@ def _off(said: dict[int, _Pose], found: _Found) -> dict[int, tuple[FloatArray, F
     return {row: (difference[:3], difference[3:]) for row, difference in differences.items()}
 
 
-def _against_others(said: dict[int, _Pose], found: _Found, others: list[int], row: int) -> tuple[FloatArray, float]:
+def _against_others(said: dict[int, Pose], found: _Found, others: list[int], row: int) -> tuple[FloatArray, float]:
     """Return shift and rotation (6,) of a camera against where others have it, and their square over the covariance.
 
     The others are put where they are by least squares.
@@ -237,7 +278,7 @@ def _by_motion(arm: FloatArray) -> FloatArray:
     return partials
 
 
-def _size(said: dict[int, _Pose], found: _Found) -> float:
+def _size(said: dict[int, Pose], found: _Found) -> float:
     """Return the least sum of squares of differences, over their covariances, that an anchor leaves."""
     sums = []
     for anchor in said:
@@ -250,9 +291,7 @@ def _size(said: dict[int, _Pose], found: _Found) -> float:
     return min(sums)
 
 
-def _difference(
-    said: dict[int, _Pose], found: dict[int, _Pose], anchor: int, row: int
-) -> tuple[FloatArray, FloatArray]:
+def _difference(said: dict[int, Pose], found: dict[int, Pose], anchor: int, row: int) -> tuple[FloatArray, FloatArray]:
     """Return shift and rotation (6,) of a pose against where an anchor has it, and the arm (3,) from the anchor."""
     (offset, mounting), (place, rotation) = said[anchor], found[anchor]
     to_found = rotation @ mounting.T

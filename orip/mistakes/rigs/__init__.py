@@ -1,0 +1,1 @@
+"""Rigs that are not as they are said to be."""
