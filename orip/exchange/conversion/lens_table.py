@@ -98,8 +98,8 @@ class LensFormula(Struct, frozen=True):
     suits_any_projection: bool = False
 
 
-# Formulas are for n directions or image coordinates as arrays (n,). They take complex numbers too: partials are found by
-# a complex step (`inverse_of`).
+# Formulas are for n directions or image coordinates as arrays (n,). They take complex numbers too: partials are found
+# by a complex step (`inverse_of`).
 
 Array = Any
 """Of floats or complex numbers."""
