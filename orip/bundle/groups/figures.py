@@ -269,8 +269,8 @@ def ground_tests(ground: GroundGroups, figures: GroupFigures) -> list[JudgedGrou
     for place, group in enumerate(ground.groups):
         total, sd = float(sums.values[place]), float(deviation[place])
         scale = float(sums.factors[:, place] @ ground.errors[:, place])
-        scatter = _check_scatter if group.kind == "check" else _scatter
-        tested = scatter(group, ground, place, figures)
+        scatter = _check_scatter if group.kind == "check" else scatter_test
+        tested = scatter(group, ground, ground.places[place], figures)
         log_p = dict(tested.log_p)
         if shown[place]:
             log_p["mean"] = float(two_sided_normal(total / sd))
@@ -304,8 +304,11 @@ def is_testable(sums: ResidualSums, variance: FloatArray) -> BoolArray:
     return np.asarray((variance > least * most) & (most > 0.0))
 
 
-def _scatter(group: ObservationGroup, ground: GroundGroups, place: int, figures: GroupFigures) -> JudgedGroup:
-    """Return a group with the test of the square sum of its residuals with full weight."""
+def scatter_test(group: ObservationGroup, ground: GroundGroups, mine: IntArray, figures: GroupFigures) -> JudgedGroup:
+    """Return a group with the test of the square sum of its residuals with full weight.
+
+    `mine` are the rows of its observations among those of `ground`.
+    """
     weight = figures.weight[group.rows]
     full = weight >= 1.0
     rows = group.rows[full]
@@ -313,7 +316,7 @@ def _scatter(group: ObservationGroup, ground: GroundGroups, place: int, figures:
     square_sum = float(np.sum(figures.residual[rows] ** 2))
     log_p: dict[TestName, float] = {}
     if redundancy > TESTABLE * len(rows) and len(rows) <= _MOST_EXACT:
-        covariance = ground.unit_sums(ground.places[place][full]).covariance()
+        covariance = ground.unit_sums(mine[full]).covariance()
         log_p["scatter"] = square_sum_tail(square_sum, covariance)
     elif redundancy > TESTABLE * len(rows):
         log_p["scatter"] = chi_square_tail(square_sum / figures.photo_variance, redundancy)
@@ -323,12 +326,11 @@ def _scatter(group: ObservationGroup, ground: GroundGroups, place: int, figures:
     return _tested(group, figures, redundancy, _root(square_sum, redundancy), log_p, worst=only)
 
 
-def _check_scatter(group: ObservationGroup, ground: GroundGroups, place: int, figures: GroupFigures) -> JudgedGroup:
+def _check_scatter(group: ObservationGroup, ground: GroundGroups, mine: IntArray, figures: GroupFigures) -> JudgedGroup:
     """Return check coordinates with the tests of all their differences together, and of the largest of them.
 
     Each difference is compared with its own standard deviation, and with what the differences of the others predict.
     """
-    mine = ground.places[place]
     chosen = np.flatnonzero(ground.checks[mine])
     together = mine[chosen]
     differences, covariance = ground.sums.rows.residual[together], ground.unit_sums(together).covariance()

@@ -7,7 +7,7 @@ by their probabilities.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -123,9 +123,27 @@ class _Sums(NamedTuple):
         log_p = chi_square_tail(float(scaled @ inverse @ scaled), float(len(columns)))
         return _square_of(log_p) if log_p < 0.0 else 0.0
 
+    def together(self, columns: list[int]) -> tuple[float, int]:
+        """Return v^T C^+ v of some sums that show an error, and its freedom."""
+        columns = [column for column in columns if self.testable[column]]
+        scale = np.sqrt(np.diag(self.covariance)[columns])
+        values, axes = np.linalg.eigh(self.covariance[np.ix_(columns, columns)] / np.outer(scale, scale))
+        free = values > TESTABLE * len(columns)
+        along = (self.values[columns] / scale) @ axes[:, free]
+        return float(np.sum(along**2 / values[free])), int(np.count_nonzero(free))
 
-def common_shifts(ground: GroundGroups, sums: ResidualSums, limit: float) -> Iterator[CommonShift]:
-    """Yield the errors common to groups, the gravest first, each after those before it have been allowed for.
+
+class CommonShifts(NamedTuple):
+    """The errors common to groups, and whether control is less precise than is said: no point of it is then accused."""
+
+    found: tuple[CommonShift, ...]
+    is_control_less_precise: bool
+
+
+def common_shifts(
+    ground: GroundGroups, sums: ResidualSums, limit: float, *, is_control_less_precise: bool = False
+) -> CommonShifts:
+    """Return the errors common to groups, the gravest first, each after those before it have been allowed for.
 
     An error found takes the part of all other sums that is correlated with it, as if it were another unknown.
 
@@ -135,26 +153,31 @@ def common_shifts(ground: GroundGroups, sums: ResidualSums, limit: float) -> Ite
         Those of the groups, after the check points have been used.
     limit : float
         Logarithm of the probability below which a group is doubted.
+    is_control_less_precise : bool
+        Known already.
     """
     covariance = sums.covariance()
     left = _Sums(sums.values, covariance, sums.responses(ground.errors), is_testable(sums, np.diag(covariance)))
     tests = [test for test in hypotheses(ground) if _is_determined(ground, left, test)]
-    gone = set[tuple[str, ...]]()
+    if is_control_less_precise:
+        tests = [test for test in tests if not test.is_single_control]
+    gone, shifts = set[tuple[str, ...]](), list[CommonShift]()
     while True:
         possible = [test for test in tests if test.span not in gone and left.testable[list(test.columns)].any()]
         squares = np.array([left.square(test) for test in possible])
         squares = _without_single_control(possible, _without_immaterial(possible, squares, ground, limit), limit)
         if not squares.any():
-            return
+            break
         # the first of those that are equal up to rounding, so that the words are the same on all processors
         best = int(np.argmax(squares >= (1.0 - _EQUAL) * squares.max()))
         best = _rather_shift(possible, squares, best)
         log_p = _log_p(float(squares[best]))
         if log_p >= limit:
-            return
+            break
         rest = left.without(possible[best], sums)
-        if possible[best].is_single_control and _others_scatter(tests, possible[best], rest):
+        if possible[best].is_single_control and _are_less_precise(tests, possible[best], left, rest):
             tests = [test for test in tests if not test.is_single_control]
+            is_control_less_precise = True
             continue
         others = _alternatives(possible, squares, best, rest, limit)
         chosen, others = _rather_stations(possible[best], others)
@@ -165,9 +188,11 @@ def common_shifts(ground: GroundGroups, sums: ResidualSums, limit: float) -> Ite
             chosen, common = possible[best], ()  # its coordinates cannot be told apart
         shift, shift_sd = left.error(chosen.columns[0])
         doubted = tuple(dict.fromkeys(group for test in (chosen, *others) for group in test.groups))
-        yield CommonShift(log_p, chosen.cause, tuple(test.cause for test in others), doubted, shift, shift_sd, common)
+        alternatives = tuple(test.cause for test in others)
+        shifts.append(CommonShift(log_p, chosen.cause, alternatives, doubted, shift, shift_sd, common))
         gone |= {test.span for test in (chosen, *others)}
         left = left.without(chosen, sums)
+    return CommonShifts(tuple(shifts), is_control_less_precise)
 
 
 def _log_p(square: float) -> float:
@@ -182,11 +207,28 @@ def _without_single_control(tests: Sequence[Together], squares: FloatArray, limi
     return np.where(single & (squares < _square_of(limit + np.log(SINGLE_CONTROL))), 0.0, squares)
 
 
-def _others_scatter(tests: Sequence[Together], best: Together, rest: _Sums) -> bool:
-    """Tell whether other control points misfit, too, once one has been allowed for."""
-    others = [test for test in tests if test.is_single_control and test.span != best.span and len(test.columns) == 1]
-    squares = [rest.square(test) for test in others if rest.testable[test.columns[0]]]
-    return len(squares) >= _FEWEST_OTHERS and float(np.median(squares)) > _SCATTERED
+def _are_less_precise(tests: Sequence[Together], best: Together, left: _Sums, rest: _Sums) -> bool:
+    """Tell whether a-priori errors that are too small explain more than that one control point is off.
+
+    Other points misfit, too, once it has been allowed for; or the likelihood with errors of a common factor is not
+    smaller, by a ratio of 20, than with that point off: each with half the logarithm of the redundancy for a parameter
+    (Schwarz 1978, *Estimating the dimension of a model*), and as one point of several is chosen.
+    """
+    coordinates = [test for test in tests if test.is_single_control and len(test.columns) == 1]
+    others = [test for test in coordinates if test.span != best.span and rest.testable[test.columns[0]]]
+    squares = [rest.square(test) for test in others]
+    if len(squares) >= _FEWEST_OTHERS and float(np.median(squares)) > _SCATTERED:
+        return True
+    columns = [test.columns[0] for test in coordinates]
+    square, freedom = left.together(columns)
+    square_of_others, freedom_of_others = rest.together(columns)
+    if freedom_of_others < _FEWEST_OTHERS:
+        return False
+    parameter = np.log(freedom) / 2.0
+    of_all = freedom / 2.0 * (1.0 + np.log(square / freedom)) + parameter
+    of_one = square_of_others / 2.0 + (freedom - freedom_of_others) * parameter
+    of_one += np.log(len({test.span for test in coordinates}))
+    return bool(of_all <= of_one + _ALIKE / 2.0)
 
 
 def _square_of(log_p: float) -> float:

@@ -24,9 +24,10 @@ from orip.bundle.groups.figures import (
     ground_tests,
     held_tests,
     photo_test,
+    scatter_test,
 )
 from orip.bundle.groups.hypotheses import Cause, number_of_shifts
-from orip.bundle.groups.observation_groups import observation_groups
+from orip.bundle.groups.observation_groups import ObservationGroup, observation_groups
 from orip.bundle.groups.shifts import CommonShift, common_shifts
 from orip.bundle.solve import SolvedBlock
 from orip.records.results.tests import CommonCause, Contradiction, ContradictionKind, GroupTest
@@ -46,6 +47,8 @@ _PHOTO_MEAN = 0.5
 _APART = 1.2
 """A camera's photo points scatter more than others if their sigma0 is so many times that of the block."""
 
+_SEVERAL = 2
+
 _KIND_OF_TEST: Mapping[TestName, ContradictionKind] = {
     "mean": "shift",
     "scatter": "scatter",
@@ -62,16 +65,22 @@ class GroupVerdict(Struct, frozen=True):
 
 
 class _Candidate(NamedTuple):
-    """What may be doubted: the logarithm of its probability, what it is, the group by its number, and a shift."""
+    """What may be doubted: the logarithm of its probability, what it is, the group by its number, and a shift.
+
+    `together` are all groups of a kind of observation, the first of which is the group, and their test as one.
+    """
 
     log_p: float
     what: ContradictionKind
     group: int
     shift: CommonShift | None = None
+    together: tuple[tuple[int, ...], GroupTest] | None = None
 
     @property
     def doubted(self) -> tuple[int, ...]:
         """Return all groups that it concerns."""
+        if self.together is not None:
+            return self.together[0]
         return (self.group,) if self.shift is None else self.shift.doubted
 
     @property
@@ -104,10 +113,18 @@ def group_verdict(solved: SolvedBlock, errors: FloatArray, check_points: Collect
     ground = GroundGroups.of(solved, [group for group in groups if group.kind != "photo"], figures)
     tested = [*of_photos, *ground_tests(ground, figures)]
     with_checks = ground.sums_with_checks()
-    limits = limits_of_tests(tested, number_of_shifts(ground, with_checks))
+    of_control = _control_as_one(ground, figures)
+    every = tested if of_control is None else [*tested, of_control]
+    limits = limits_of_tests(every, number_of_shifts(ground, with_checks))
     sigma0 = solved.variance.sigma0
     shifts = _shifts(ground, with_checks, limits.shift, len(of_photos))
-    found = _without_consequences([*shifts, *_others(tested, limits, sigma0, with_means=not shifts)], tested)
+    others = list(_others(tested, limits, sigma0, with_means=not shifts))
+    if of_control is not None and of_control.log_p.get("scatter", 0.0) < limits.other:
+        numbers = tuple(place for place, group in enumerate(tested) if group.test.kind == "control")
+        others.append(
+            _Candidate(of_control.log_p["scatter"], "scatter", numbers[0], together=(numbers, of_control.test))
+        )
+    found = _without_consequences([*shifts, *others], tested)
     named = {place for candidate in found for place in candidate.doubted}
     results = [
         replace(group.test, doubted=place in named or bool(_doubts(group, limits, sigma0)))
@@ -117,6 +134,22 @@ def group_verdict(solved: SolvedBlock, errors: FloatArray, check_points: Collect
     contradictions = tuple(_contradiction(candidate, [*results, *held], len(of_photos)) for candidate in found)
     accused = [test for place, test in enumerate(held, len(results)) if place in named]
     return GroupVerdict((*results, *accused), contradictions)
+
+
+def _control_as_one(ground: GroundGroups, figures: GroupFigures) -> JudgedGroup | None:
+    """Return the coordinates of all control points with the test of their scatter; None where they are one group.
+
+    Control that is less precise than is said often shows in X, Y and Z together alone.
+    """
+    mine = [number for number, group in enumerate(ground.groups) if group.kind == "control"]
+    if len(mine) < _SEVERAL:
+        return None
+    rows, places = (
+        np.concatenate(parts) for parts in zip(*((ground.groups[n].rows, ground.places[n]) for n in mine), strict=True)
+    )
+    names = tuple(name for number in mine for name in ground.groups[number].names)
+    tested = scatter_test(ObservationGroup("control", "", "", rows, names), ground, places, figures)
+    return tested._replace(log_p={name: log_p for name, log_p in tested.log_p.items() if name == "scatter"})
 
 
 class Limits(NamedTuple):
@@ -143,13 +176,11 @@ def limits_of_tests(tested: Sequence[JudgedGroup], shifts: float) -> Limits:
 
 def _shifts(ground: GroundGroups, with_checks: ResidualSums, limit: float, first: int) -> list[_Candidate]:
     """Return the errors common to groups; where the check points hide what shows without them, that."""
+    less_precise = False
     for sums in (with_checks, ground.sums):
-        found = [
-            _Candidate(shift.log_p, "shift", first + shift.cause.group, _numbered(shift, first))
-            for shift in common_shifts(ground, sums, limit)
-        ]
-        if found:
-            return found
+        shifts, less_precise = common_shifts(ground, sums, limit, is_control_less_precise=less_precise)
+        if shifts:
+            return [_Candidate(one.log_p, "shift", first + one.cause.group, _numbered(one, first)) for one in shifts]
     return []
 
 
@@ -160,6 +191,8 @@ def _numbered(shift: CommonShift, first: int) -> CommonShift:
 
 def _contradiction(candidate: _Candidate, groups: Sequence[GroupTest], first: int) -> Contradiction:
     shift, p = candidate.shift, float(np.exp(candidate.log_p))
+    if candidate.together is not None:
+        return Contradiction(candidate.what, (candidate.together[1],), p)
     if shift is None:
         group = groups[candidate.group]
         return Contradiction(candidate.what, (group,), p, group.shift, group.shift_sd)

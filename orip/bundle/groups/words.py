@@ -127,7 +127,7 @@ def group_name(group: GroupTest) -> str:
         case "photo":
             return f"{group.component} of the photo points of camera {group.of}"
         case "control":
-            return f"{group.component} of the control points"
+            return f"{group.component} of the control points" if group.component else "control points"
         case "check":
             return f"{group.component} of the check points"
         case "element":
@@ -306,6 +306,8 @@ def _remedy(found: Contradiction, ground_unit: str) -> str:
     if group.kind == "station" and _is_beyond_gnss(found, ground_unit):
         what = "lever arm" if found.extent == "lever arm" else "shift"
         return f"no {what} is so large: {_REMEDIES[group.kind].removesuffix(', and the lever arm')}"
+    if found.what == "scatter" and group.kind == "control":
+        return f"{_REMEDIES['control']}: they may be less precise than is said, by a factor of {group.sigma0:.1g}"
     if found.extent == "held":
         return _HELD_REMEDY.format(component=group.component)
     if found.extent == "lever arm":
