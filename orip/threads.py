@@ -12,6 +12,8 @@ from functools import lru_cache
 from threading import Event, Thread
 from typing import TYPE_CHECKING, Generic, TypeVar
 
+from orip.freed_memory import keep_freed_memory
+
 if TYPE_CHECKING:
     from threadpoolctl import ThreadpoolController
 
@@ -44,8 +46,10 @@ def available_threads() -> int:
 def limited_threads(limit: int | None) -> Iterator[None]:
     """Let at most so many threads work within the block; None: as many as without it.
 
-    BLAS has one: what it computes depends on how many it has, and small systems take longer with more.
+    BLAS has one: what it computes depends on how many it has, and small systems take longer with more. Memory that is
+    freed is kept for the next arrays.
     """
+    keep_freed_memory()
     token = _limit.set(_limit.get() if limit is None else limit)
     try:
         with _libraries(len(sys.modules)).limit(limits=1):

@@ -5,6 +5,9 @@ from __future__ import annotations
 import _thread
 import hashlib
 import os
+import platform
+import subprocess
+import sys
 import threading
 from collections.abc import Callable
 
@@ -186,3 +189,35 @@ def test_a_thread_that_comes_late_repeats_nothing(monkeypatch: pytest.MonkeyPatc
 def test_turns_of_no_sound_number_of_threads_are_refused(threads: float) -> None:
     with pytest.raises(ValueError, match=r"number|belong"):
         photo_loop.compiled.turns(threads)
+
+
+_FAULTS = """
+import resource, sys, tempfile
+from pathlib import Path
+import numpy as np
+from orip.set_aside import columns_in_files
+from orip.threads import limited_threads
+
+def faults():
+    # of arrays that are too small for large pages
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+    for _ in range(20):
+        sum(part[0] for part in [np.ones(1 << 17) for _ in range(20)])
+    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
+
+with limited_threads(1):
+    faults()
+    kept = faults()
+with columns_in_files(Path(tempfile.mkdtemp())), limited_threads(1):
+    faults()
+    print(kept, faults())
+"""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="other C libraries keep what they like")
+def test_freed_memory_is_kept_for_the_next_arrays_unless_columns_are_in_files():
+    found = subprocess.run([sys.executable, "-c", _FAULTS], capture_output=True, text=True, check=True)
+    kept, given_back = map(int, found.stdout.split())
+    # twenty times twenty arrays of a megabyte have 256 pages each
+    assert kept < 20 * 256
+    assert given_back > 15 * 20 * 256
