@@ -106,7 +106,6 @@ def test_tasks_run_at_the_same_time_and_the_first_error_is_raised() -> None:
 
     with pytest.raises(MemoryError, match="no memory"):
         at_once([lambda: 1, fail])
-    assert not any(isinstance(one, threads._Helper) for one in threading.enumerate())
 
 
 def test_threads_share_parts_whose_results_stay_in_order() -> None:
@@ -124,19 +123,9 @@ def test_threads_share_parts_whose_results_stay_in_order() -> None:
     assert by_threads(take, []) == []
 
 
-def test_without_further_threads_the_calling_one_does_all(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(_thread: threading.Thread) -> None:
-        message = "can't start new thread"
-        raise RuntimeError(message)
-
-    monkeypatch.setattr(threading.Thread, "start", refuse)
-    assert at_once([lambda number=number: number for number in range(4)]) == [0, 1, 2, 3]
-    monkeypatch.setattr(photo_loop, "_RAYS_OF_A_THREAD", 10)
-    block = two_cameras_with_sets()
-    with limited_threads(4):
-        found = digest_of(block)
-    with limited_threads(1):
-        assert digest_of(block) == found
+def _refuse(_task: object, _arguments: object) -> int:
+    message = "can't start new thread"
+    raise RuntimeError(message)
 
 
 def _refuse_for_memory(_task: object, _arguments: object) -> int:
@@ -146,6 +135,20 @@ def _refuse_for_memory(_task: object, _arguments: object) -> int:
 def _never_begin(_task: object, _arguments: object) -> int:
     """Do as the system does where the new thread has no memory for its first step: it ends without a word."""
     return 0
+
+
+@pytest.mark.parametrize("start", [_refuse, _refuse_for_memory, _never_begin])
+def test_without_further_threads_the_calling_one_does_all(
+    start: Callable[[object, object], int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(_thread, "start_new_thread", start)
+    assert at_once([lambda number=number: number for number in range(4)]) == [0, 1, 2, 3]
+    monkeypatch.setattr(photo_loop, "_RAYS_OF_A_THREAD", 10)
+    block = two_cameras_with_sets()
+    with limited_threads(4):
+        found = digest_of(block)
+    with limited_threads(1):
+        assert digest_of(block) == found
 
 
 @pytest.mark.parametrize("start", [_refuse_for_memory, _never_begin])
