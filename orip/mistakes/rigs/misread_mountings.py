@@ -81,8 +81,9 @@ def other_mountings(
         )
         yield OtherMountings({**said, one: said[other], other: said[one]}, is_exchange=True, text=text)
     others = [row for row in said if not _is_origin(said[row])]
-    for rows in dict.fromkeys((tuple(row for row in others if row in off), tuple(others))):
-        for reading in _READINGS if rows else ():
+    of_some = [tuple(row for row in others if row in off), *((row,) for row in others), tuple(others)]
+    for rows in filter(None, dict.fromkeys(of_some)):
+        for reading in _READINGS:
             meant = {row: reading.pose(*said[row]) for row in rows}
             whose = f"camera{'s' if len(rows) > 1 else ''} {joined([names[row] for row in rows])} of rig {rig}"
             written = [f"{_written(reading.changes, pose)} for {names[row]}" for row, pose in meant.items()]
