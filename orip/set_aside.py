@@ -7,10 +7,8 @@ it takes memory while it is looked at. Elsewhere arrays stay as they are.
 
 from __future__ import annotations
 
-import ctypes
 import mmap
 import os
-import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -24,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.errors import OripError
+from orip.freed_memory import give_back_freed_memory
 
 ScalarT = TypeVar("ScalarT", bound=np.generic)
 
@@ -32,9 +31,6 @@ _LEAST_BYTES = 1 << 18
 
 _LOOKED_AT_SECONDS = 0.02
 """Pages that were read stay in memory for at most this long."""
-
-_M_MMAP_THRESHOLD = -3
-"""Of glibc's mallopt: larger arrays have pages of their own, which the system gets back as soon as they are freed."""
 
 _folder: ContextVar[Path | None] = ContextVar("folder", default=None)
 _mappings: WeakSet[mmap.mmap] = WeakSet()
@@ -47,7 +43,7 @@ def columns_in_files(folder: Path) -> Iterator[None]:
 
     Memory that is freed goes back to the system at once.
     """
-    _give_back_what_is_freed()
+    give_back_freed_memory()
     ends = Event()
     releasing = Thread(target=_release_until, args=(ends,), daemon=True)
     releasing.start()
@@ -131,9 +127,3 @@ def _release_until(ends: Event) -> None:
         for mapping in mappings:
             with suppress(AttributeError, OSError):  # some systems have no such advice
                 mapping.madvise(mmap.MADV_DONTNEED)
-
-
-def _give_back_what_is_freed() -> None:
-    if sys.platform == "linux":
-        with suppress(OSError, AttributeError):  # another C library
-            ctypes.CDLL(None).mallopt(_M_MMAP_THRESHOLD, _LEAST_BYTES)

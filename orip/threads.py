@@ -6,11 +6,13 @@ import _thread
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar, copy_context
 from functools import lru_cache
-from threading import Event, Thread
+from threading import Event, Lock
 from typing import TYPE_CHECKING, Generic, TypeVar
+
+from orip.freed_memory import keep_freed_memory
 
 if TYPE_CHECKING:
     from threadpoolctl import ThreadpoolController
@@ -44,8 +46,10 @@ def available_threads() -> int:
 def limited_threads(limit: int | None) -> Iterator[None]:
     """Let at most so many threads work within the block; None: as many as without it.
 
-    BLAS has one: what it computes depends on how many it has, and small systems take longer with more.
+    BLAS has one: what it computes depends on how many it has, and small systems take longer with more. Memory that is
+    freed is kept for the next arrays.
     """
+    keep_freed_memory()
     token = _limit.set(_limit.get() if limit is None else limit)
     try:
         with _libraries(len(sys.modules)).limit(limits=1):
@@ -98,15 +102,15 @@ def begin_thread(task: Callable[[], None], purpose: str) -> None:
 def at_once(tasks: Sequence[Callable[[], T]]) -> list[T]:
     """Return what tasks return that are done at the same time, the first one by the calling thread.
 
-    The threads end with their tasks: a process that forks later has none. Where the system allows no further thread,
-    the calling one does all. Of several errors the first one is raised.
+    The threads end with their tasks: a process that forks later has none. What no thread has begun when the first task
+    is done, as where the system allows no further thread, the calling one does. Of several errors the first one is
+    raised.
     """
     helpers = [_Helper(task) for task in tasks[1:]]
-    waiting = [helper for helper in helpers if not helper.has_begun()]
+    for helper in helpers:
+        helper.begin()
     try:
         first = tasks[0]()
-        for helper in waiting:
-            helper.run()
     finally:
         for helper in helpers:
             helper.end()
@@ -134,34 +138,41 @@ def by_threads(task: Callable[[PartT], T], parts: Iterable[PartT], of_a_thread: 
     return [found[number] for number in range(len(given))]
 
 
-class _Helper(Thread, Generic[T]):
-    """A thread that does a task with the settings of the thread that made it."""
+class _Helper(Generic[T]):
+    """A thread that does a task with the settings of the thread that made it.
+
+    Unlike `threading.Thread` nobody waits until it begins, which takes as long as a short task, and for ever where the
+    new thread has no memory to begin with.
+    """
 
     def __init__(self, task: Callable[[], T]) -> None:
-        super().__init__(daemon=True)
         self._task, self._context = task, copy_context()
+        self._begun, self._ended = Lock(), Lock()
+        self._ended.acquire()
         self._found: list[T] = []
         self._error: BaseException | None = None
 
-    def has_begun(self) -> bool:
-        """Begin, and return whether the system has a thread for it."""
-        try:
-            self.start()
-        except RuntimeError:
-            return False
-        return True
+    def begin(self) -> None:
+        """Begin a thread, if the system has one."""
+        with suppress(RuntimeError, MemoryError):
+            _thread.start_new_thread(self._run, ())
 
-    def run(self) -> None:
-        """Do the task."""
+    def _run(self) -> None:
+        """Do the task, unless another thread has begun it."""
+        if not self._begun.acquire(blocking=False):
+            return
         try:
             self._found.append(self._context.run(self._task))
         except BaseException as error:  # noqa: BLE001  # it is raised where the result is asked for
             self._error = error
+        finally:
+            self._ended.release()
 
     def end(self) -> None:
-        """Wait for the end of the task, if it has begun."""
-        if self.ident is not None:
-            self.join()
+        """Wait for the end of the task."""
+        self._run()
+        with self._ended:
+            pass
 
     def result(self) -> T:
         """Return what the task returned, or raise its error."""

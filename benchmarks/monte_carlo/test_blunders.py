@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from monte_carlo.blunder_study import DanishRun, SnoopingRun, danish_run, snooping_run
 from monte_carlo.simulated_blocks import in_parallel
+from support.long_cases import every
 
 LOG = logging.getLogger(__name__)
 
@@ -79,7 +80,7 @@ def test_what_other_blunders_hid_is_named_in_the_end(run):
     assert found.among_alternatives == found.wrong
 
 
-@pytest.mark.parametrize("scene", STRONG)
+@pytest.mark.parametrize("scene", every(2, STRONG))
 def test_danish_method_ends_the_same_from_two_starts(scene):
     agree, found = danish_figures(scene, 6, 1, 3)
     assert agree == 1.0

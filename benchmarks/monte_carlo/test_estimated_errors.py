@@ -57,7 +57,7 @@ def with_exposure_stations(run: int) -> tuple[Block, dict[VarianceGroup, float]]
     return block_with_stations("variance components", run, antenna), {PHOTO: 1.0, POSITIONS: 2.0, ATTITUDES: 0.5}
 
 
-DESIGNS = {with_stations_and_bars: 8, with_control_alone: 8, with_directions: 8, with_exposure_stations: 12}
+DESIGNS = {with_stations_and_bars: 5, with_control_alone: 5, with_directions: 5, with_exposure_stations: 8}
 """Designs with their numbers of quick runs."""
 
 

@@ -36,7 +36,7 @@ def check(runs: int, processes: int, tolerance: float) -> None:
 
 
 def test_points_scatter_as_they_say_with_and_without_differences() -> None:
-    check(4, 1, 0.6)
+    check(2, 1, 0.6)
 
 
 @pytest.mark.long

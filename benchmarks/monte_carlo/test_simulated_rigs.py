@@ -63,7 +63,7 @@ def test_blocks_without_common_view_are_right_from_nothing() -> None:
 
 @pytest.mark.parametrize("what", PLANTED)
 def test_planted_mistakes_of_rigs_are_named(what: str) -> None:
-    check_planted(what, 2, 1)
+    check_planted(what, 1, 1)
 
 
 def test_a_wrong_mounting_is_named_where_another_one_is_little_known() -> None:

@@ -14,6 +14,7 @@ from adjustment.factorisation.linear_systems import (
     linear_problem,
     settings,
 )
+from support.long_cases import every
 
 from orip.adjustment.convergence import AcceleratedStep, Acceleration, TerminationReason
 from orip.adjustment.iteration import adjust
@@ -111,10 +112,11 @@ def test_an_observation_that_does_not_fit_stays_out_from_any_start(size):
 
 
 @pytest.mark.slow
-def test_the_end_state_is_nearly_always_the_same_from_two_starts():
+@pytest.mark.parametrize(("systems", "most"), every(2, [(20, 1), (50, 2)]))
+def test_the_end_state_is_nearly_always_the_same_from_two_starts(systems, most):
     random = np.random.default_rng(62)
     different = 0
-    for _ in range(50):
+    for _ in range(systems):
         design = random.normal(size=(14, 3))
         observed = random.normal(size=14)
         observed[random.choice(14, 2, replace=False)] += random.uniform(5.0, 12.0, 2)
@@ -123,7 +125,7 @@ def test_the_end_state_is_nearly_always_the_same_from_two_starts():
         assert all(converged(end) for end in ends)
         different += down_weighted(ends[0]) != down_weighted(ends[1])
     # blunders that two observations explain equally well remain; without giving back it is every third system
-    assert different <= 2
+    assert different <= most
 
 
 class HeldSum(CurvedProblem, frozen=True):

@@ -5,6 +5,9 @@ from __future__ import annotations
 import _thread
 import hashlib
 import os
+import platform
+import subprocess
+import sys
 import threading
 from collections.abc import Callable
 
@@ -103,7 +106,6 @@ def test_tasks_run_at_the_same_time_and_the_first_error_is_raised() -> None:
 
     with pytest.raises(MemoryError, match="no memory"):
         at_once([lambda: 1, fail])
-    assert not any(isinstance(one, threads._Helper) for one in threading.enumerate())
 
 
 def test_threads_share_parts_whose_results_stay_in_order() -> None:
@@ -121,19 +123,9 @@ def test_threads_share_parts_whose_results_stay_in_order() -> None:
     assert by_threads(take, []) == []
 
 
-def test_without_further_threads_the_calling_one_does_all(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(_thread: threading.Thread) -> None:
-        message = "can't start new thread"
-        raise RuntimeError(message)
-
-    monkeypatch.setattr(threading.Thread, "start", refuse)
-    assert at_once([lambda number=number: number for number in range(4)]) == [0, 1, 2, 3]
-    monkeypatch.setattr(photo_loop, "_RAYS_OF_A_THREAD", 10)
-    block = two_cameras_with_sets()
-    with limited_threads(4):
-        found = digest_of(block)
-    with limited_threads(1):
-        assert digest_of(block) == found
+def _refuse(_task: object, _arguments: object) -> int:
+    message = "can't start new thread"
+    raise RuntimeError(message)
 
 
 def _refuse_for_memory(_task: object, _arguments: object) -> int:
@@ -143,6 +135,20 @@ def _refuse_for_memory(_task: object, _arguments: object) -> int:
 def _never_begin(_task: object, _arguments: object) -> int:
     """Do as the system does where the new thread has no memory for its first step: it ends without a word."""
     return 0
+
+
+@pytest.mark.parametrize("start", [_refuse, _refuse_for_memory, _never_begin])
+def test_without_further_threads_the_calling_one_does_all(
+    start: Callable[[object, object], int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(_thread, "start_new_thread", start)
+    assert at_once([lambda number=number: number for number in range(4)]) == [0, 1, 2, 3]
+    monkeypatch.setattr(photo_loop, "_RAYS_OF_A_THREAD", 10)
+    block = two_cameras_with_sets()
+    with limited_threads(4):
+        found = digest_of(block)
+    with limited_threads(1):
+        assert digest_of(block) == found
 
 
 @pytest.mark.parametrize("start", [_refuse_for_memory, _never_begin])
@@ -186,3 +192,35 @@ def test_a_thread_that_comes_late_repeats_nothing(monkeypatch: pytest.MonkeyPatc
 def test_turns_of_no_sound_number_of_threads_are_refused(threads: float) -> None:
     with pytest.raises(ValueError, match=r"number|belong"):
         photo_loop.compiled.turns(threads)
+
+
+_FAULTS = """
+import resource, sys, tempfile
+from pathlib import Path
+import numpy as np
+from orip.set_aside import columns_in_files
+from orip.threads import limited_threads
+
+def faults():
+    # of arrays that are too small for large pages
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+    for _ in range(20):
+        sum(part[0] for part in [np.ones(1 << 17) for _ in range(20)])
+    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
+
+with limited_threads(1):
+    faults()
+    kept = faults()
+with columns_in_files(Path(tempfile.mkdtemp())), limited_threads(1):
+    faults()
+    print(kept, faults())
+"""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="other C libraries keep what they like")
+def test_freed_memory_is_kept_for_the_next_arrays_unless_columns_are_in_files():
+    found = subprocess.run([sys.executable, "-c", _FAULTS], capture_output=True, text=True, check=True)
+    kept, given_back = map(int, found.stdout.split())
+    # twenty times twenty arrays of a megabyte have 256 pages each
+    assert kept < 20 * 256
+    assert given_back > 15 * 20 * 256

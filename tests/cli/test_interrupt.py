@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from cli.command_line import orip
+from support.long_cases import every
 from workflow.small_projects import contents, first_project, replace_in
 
 from orip.__main__ import main as program
@@ -23,7 +24,7 @@ def endless(folder: Path) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("command", ["solve", "run"])
+@pytest.mark.parametrize("command", every(2, ["run", "solve"]))
 def test_ctrl_c_keeps_the_iteration_in_hand(tmp_path: Path, command: str) -> None:
     folder = endless(tmp_path / "endless")
     orip(folder, "init")

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from cli.command_line import orip as called
+from support.long_cases import every
 from workflow.small_projects import REPOSITORY
 
 PROGRAM = [sys.executable, str(REPOSITORY / "tests" / "kernels" / "without_extensions.py")]
@@ -30,7 +31,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made
 
 
-@pytest.mark.parametrize("command", ["run --no-report", "prelim"])
+@pytest.mark.parametrize("command", every(2, ["run --no-report", "prelim"]))
 def test_commands_that_need_preliminary_values_say_so_in_one_sentence(folder: Path, command: str) -> None:
     said = orip(folder, *command.split())
     assert said.returncode == 1

@@ -138,10 +138,15 @@ def test_control_of_a_table(folder):
     _made(folder, "--control", "gcp.csv", "--control-error", "0.01")
     lines = (folder.parent / "made" / "made.PNT").read_text().splitlines()[1:]
     assert lines == ["K1 10.0 20.0 3.0 0.01 0.01 0.01", "K2 11.5 22.0 3.5 0.01 0.01 0.01"]
-    (folder.parent / "bad.csv").write_text("K1;10.0;20.0\n")
-    done = orip(folder.parent, "photos", folder.name, "other", "--control", "bad.csv")
-    assert done.code == 3
-    assert "bad.csv:1" in done.err
+    for text, said in (
+        ("K1;10.0;20.0\n", "bad.csv:1: a line has name X Y Z"),
+        ("name;X;Y;Z\n", "bad.csv: there is no control point in this file"),
+        ("id,Northing,Easting,Height\nK1,20.0,10.0,3.0\n", "bad.csv:1: the heading has north before east"),
+    ):
+        (folder.parent / "bad.csv").write_text(text)
+        done = orip(folder.parent, "photos", folder.name, "other", "--control", "bad.csv")
+        assert done.code == 3
+        assert said in done.err
     assert not (folder.parent / "other").exists()
 
 

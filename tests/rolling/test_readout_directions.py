@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from support.long_cases import every
 
 from orip.mistakes.stations.rolling_shutters import READOUT_TIME, ROLLING_SHUTTER
 from orip.records.camera import READOUT, ReadoutDirection
@@ -30,7 +31,9 @@ def test_a_shutter_that_nothing_is_said_of_is_named_with_its_direction(truth: Re
     assert (f'readout_direction = "{truth}"' in text) == (truth != "up")
 
 
-@pytest.mark.parametrize(("truth", "given"), [("right", "down"), ("left", "down"), ("down", "right"), ("up", "left")])
+@pytest.mark.parametrize(
+    ("truth", "given"), every(2, [("right", "down"), ("left", "down"), ("up", "left"), ("down", "right")])
+)
 def test_a_direction_that_is_wrong_is_told(truth: ReadoutDirection, given: ReadoutDirection) -> None:
     (text,) = said(truth, 0.04, given, READOUT_TIME)
     assert "readout = 0.04 does not fit the photos" in text

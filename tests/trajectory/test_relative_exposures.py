@@ -9,6 +9,7 @@ import pytest
 from cli.command_line import orip
 from pyproj import Proj, Transformer
 from scipy.spatial.transform import Rotation
+from support.long_cases import every
 from trajectory.inertial_flight import (
     GRAVITY,
     HEIGHT,
@@ -96,7 +97,7 @@ def apart(table: np.ndarray, lag: int, axis: int) -> np.ndarray:
     return table[one, axis, one, axis] + table[other, axis, other, axis] - 2.0 * table[one, axis, other, axis]
 
 
-@pytest.mark.parametrize("noise", [MEMS, TACTICAL], ids=["mems", "tactical"])
+@pytest.mark.parametrize("noise", every(2, [MEMS, TACTICAL]), ids=["mems", "tactical"])
 def test_all_together_are_as_precise_as_the_smoother_says(noise):
     got, said = joint_covariances(noise)
     rows = np.arange(len(got))

@@ -8,7 +8,7 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.errors import OripError
-from orip.exchange.conversion.lens_formulas import Parameters
+from orip.exchange.conversion.lens_exact import Parameters
 from orip.exchange.conversion.lens_table import focal_lengths, lens_parameters
 from orip.records.camera import Sensor
 from orip.records.exchanged import ExchangedCamera, ImageAxes, Lens

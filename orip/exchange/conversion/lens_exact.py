@@ -6,9 +6,10 @@ from collections.abc import Mapping
 
 from msgspec import Struct, field
 
-from orip.exchange.conversion.lens_formulas import Parameters
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.exchanged import ImageAxes
+
+Parameters = Mapping[str, float]
 
 # Directions are tangents (x, y): to the right and along the y axis of the lens' axes, at the depth 1. Parameters are
 # those that `LENSES` lists, by name; those that are missing are 0.

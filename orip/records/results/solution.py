@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
-import numpy as np
 from msgspec import Struct, field
 
-from orip.arrays import FloatArray, IntArray
 from orip.records.camera import Projection
 from orip.records.figures import FigureEstimate
 from orip.records.results.tests import GroupTest, Status, VarianceComponent
+
+if TYPE_CHECKING:  # the store's tables are made from these records, and `orip status` has no use for NumPy
+    from orip.arrays import FloatArray, IntArray
 
 
 class IterationPass(Struct, frozen=True):
@@ -307,10 +308,14 @@ class Remark(Struct, frozen=True):
 
 
 def _no_correlations() -> FloatArray:
+    import numpy as np
+
     return np.empty((0, 3))
 
 
 def _no_photo_correlations() -> FloatArray:
+    import numpy as np
+
     return np.empty((0, 15))
 
 

@@ -144,6 +144,7 @@ def test_wrong_given_orientations_are_told_and_do_not_change_the_result(
     assert np.abs((found - elements(from_nothing, "P2")[0]) / sd).max() < FAR_BELOW_SD
 
 
+@pytest.mark.long
 def test_a_solution_that_was_wrong_is_no_better_start_than_own_values_once_its_blunders_are_corrected(
     tmp_path: Path, from_nothing: dict
 ) -> None:

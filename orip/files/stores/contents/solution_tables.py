@@ -2,18 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, get_args
 
 from msgspec import Struct
+from msgspec.structs import fields
 
 from orip.files.stores.store import Row, Store
 from orip.files.stores.table import StoreColumn, StoreTable, figure, flag, integer, list_table, record_name, text
 from orip.records.camera import CAMERA_PARAMETERS, Projection
-from orip.records.control import FigureKind, PointKind
-from orip.records.definition import MOTION_PARAMETERS
+from orip.records.control import PointKind
+from orip.records.figures import FigureEstimate
 from orip.records.photo import PHOTO_PARAMETERS
-from orip.records.results.tests import GroupKind, Status, VarianceGroupKind
+from orip.records.results.solution import (
+    AdditionalEstimate,
+    AntennaEstimate,
+    Blunder,
+    CheckPoint,
+    CorrelatedReliability,
+    Correlation,
+    Diagnosis,
+    Exposure,
+    ExposureEstimate,
+    InteriorSummary,
+    IterationPass,
+    MountingEstimate,
+    PhotoMotion,
+    Remark,
+    RigEstimate,
+    SingularUnknown,
+    ZeroDirection,
+)
+from orip.records.results.tests import GroupTest, Status, VarianceComponent
 
 POINT_COORDINATES = ("X", "Y", "Z")
 
@@ -67,84 +87,39 @@ RESIDUALS = _long_list_of_solution(
     *_reals("observed", "residual", "a_priori", "standard_residual", "weight_factor", "redundancy_number", "w"),
 )
 
-ITEM_LISTS: dict[str, StoreTable] = {
-    "iterations": _list_of_solution(
-        "iteration",
-        integer("iteration"),
-        *_reals("enp", "sigma0"),
-        integer("down_weighted"),
-        integer("singular"),
-        flag("step_limited"),
-    ),
-    "additional": _list_of_solution("additional_estimate", *_texts("camera", "name"), *_reals("value", "sd")),
-    "zero_directions": _list_of_solution("zero_direction", text("set"), *_reals("value", "sd")),
-    "figures": _list_of_solution(
-        "figure_estimate",
-        text("name"),
-        text("kind", get_args(FigureKind)),
-        integer("points"),
-        *_reals("X", "Y", "Z", "dX", "dY", "dZ", "radius", "sd_place", "sd_direction", "sd_radius", "rms"),
-    ),
-    "antennas": _list_of_solution("antenna_estimate", *_texts("antenna", "strip", "name"), *_reals("value", "sd")),
-    "rigs": _list_of_solution(
-        "rig_estimate",
-        *_texts("first", "second"),
-        integer("instants"),
-        text("name"),
-        *_reals("value", "sd", "scatter"),
-    ),
-    "mountings": _list_of_solution("mounting_estimate", *_texts("rig", "camera", "name"), *_reals("value", "sd")),
-    "rig_exposures": _list_of_solution(
-        "rig_exposure_estimate", *_texts("exposure", "rig", "name"), *_reals("value", "sd")
-    ),
-    "motions": _list_of_solution(
-        "photo_motion",
-        text("photo"),
-        *_reals(*(column for kind in MOTION_PARAMETERS for column in (kind, f"{kind}_sd")), "pixels"),
-    ),
-    "exposures": _list_of_solution("exposure", *_texts("photo", "strip"), *_reals("time")),
-    "remarks": _list_of_solution("remark", *_texts("text")),
-    "singular": _list_of_solution("singular_unknown", *_texts("group", "name", "kind"), *_reals("lost_digits")),
-    "correlations": _list_of_solution("correlation", *_texts("a", "b"), *_reals("r")),
-    "blunders": _list_of_solution(
-        "blunder",
-        integer("order"),
-        *_texts("kind", "photo", "point", "component"),
-        *_reals("size", "sd", "statistic", "limit"),
-        *_texts("alternatives"),
-    ),
-    "diagnosis": _list_of_solution("diagnosis", *_texts("code", "where", "text", "remedy")),
-    "correlated": _list_of_solution(
-        "correlated_reliability", integer("row"), *_reals("minimal_detectable_bias", "external", "adjusted_sd")
-    ),
-    "check_points": _list_of_solution("check_point", *_texts("name"), *_reals("dX", "dY", "dZ")),
-    "groups": _list_of_solution(
-        "group_test",
-        text("kind", get_args(GroupKind)),
-        *_texts("of", "component"),
-        integer("number"),
-        integer("down_weighted"),
-        *_reals("redundancy", "sigma0", "p_sigma0", "mean", "mean_sd", "p_mean", "shift", "shift_sd"),
-        *_texts("worst"),
-        *_reals("worst_size", "p_worst"),
-        flag("doubted"),
-    ),
-    "variance_components": _list_of_solution(
-        "variance_component",
-        text("kind", get_args(VarianceGroupKind)),
-        *_texts("of", "component"),
-        integer("number"),
-        *_reals("redundancy", "factor", "sd", "p"),
-    ),
-    "interior": _list_of_solution(
-        "interior",
-        text("group", ("templates", "photos")),
-        *_texts("name", "type"),
-        *_reals("x0", "y0", "ro", "sk", "sx", "sy", "s0"),
-        integer("redundancy"),
-    ),
+ITEMS: dict[str, tuple[str, type[Any]]] = {
+    "iterations": ("iteration", IterationPass),
+    "additional": ("additional_estimate", AdditionalEstimate),
+    "zero_directions": ("zero_direction", ZeroDirection),
+    "figures": ("figure_estimate", FigureEstimate),
+    "antennas": ("antenna_estimate", AntennaEstimate),
+    "rigs": ("rig_estimate", RigEstimate),
+    "mountings": ("mounting_estimate", MountingEstimate),
+    "rig_exposures": ("rig_exposure_estimate", ExposureEstimate),
+    "motions": ("photo_motion", PhotoMotion),
+    "exposures": ("exposure", Exposure),
+    "remarks": ("remark", Remark),
+    "singular": ("singular_unknown", SingularUnknown),
+    "correlations": ("correlation", Correlation),
+    "blunders": ("blunder", Blunder),
+    "diagnosis": ("diagnosis", Diagnosis),
+    "correlated": ("correlated_reliability", CorrelatedReliability),
+    "check_points": ("check_point", CheckPoint),
+    "groups": ("group_test", GroupTest),
+    "variance_components": ("variance_component", VarianceComponent),
+    "interior": ("interior", InteriorSummary),
 }
-"""Lists whose items are structures of single values: the columns are named as their fields."""
+"""Lists of a solution whose items are structures of single values: their tables, and these structures."""
+
+
+def _columns(item: type[Any]) -> Iterator[StoreColumn]:
+    """Yield the columns of an item, which are named as its fields."""
+    columns = {int: integer, bool: flag, float: figure, str: text}
+    for one in fields(item):
+        yield text(one.name, get_args(one.type)) if get_args(one.type) else columns[one.type](one.name)
+
+
+ITEM_LISTS = {name: _list_of_solution(table, *_columns(item)) for name, (table, item) in ITEMS.items()}
 
 TUPLE_LISTS: dict[str, StoreTable] = {
     "inputs": _list_of_solution("solution_input", *_texts("file", "sha256")),

@@ -11,6 +11,7 @@ from msgspec.structs import astuple
 from orip.files.stores.contents.solution_tables import (
     CAMERAS,
     ITEM_LISTS,
+    ITEMS,
     PHOTO_CORRELATIONS,
     PHOTOS,
     POINT_COORDINATES,
@@ -27,55 +28,8 @@ from orip.files.stores.store import Store
 from orip.files.stores.table import StoreTable
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.coded_names import CodedNames, repeated
-from orip.records.figures import FigureEstimate
 from orip.records.photo import PHOTO_PARAMETERS
-from orip.records.results.solution import (
-    AdditionalEstimate,
-    AntennaEstimate,
-    Blunder,
-    CheckPoint,
-    CorrelatedReliability,
-    Correlation,
-    Diagnosis,
-    Estimates,
-    Exposure,
-    ExposureEstimate,
-    InteriorSummary,
-    IterationPass,
-    MountingEstimate,
-    PhotoMotion,
-    Remark,
-    Residuals,
-    RigEstimate,
-    SingularUnknown,
-    Solution,
-    ZeroDirection,
-)
-from orip.records.results.tests import GroupTest, VarianceComponent
-
-ITEMS: dict[str, type[Any]] = {
-    "iterations": IterationPass,
-    "additional": AdditionalEstimate,
-    "zero_directions": ZeroDirection,
-    "figures": FigureEstimate,
-    "antennas": AntennaEstimate,
-    "rigs": RigEstimate,
-    "mountings": MountingEstimate,
-    "rig_exposures": ExposureEstimate,
-    "motions": PhotoMotion,
-    "exposures": Exposure,
-    "remarks": Remark,
-    "singular": SingularUnknown,
-    "correlations": Correlation,
-    "blunders": Blunder,
-    "diagnosis": Diagnosis,
-    "correlated": CorrelatedReliability,
-    "check_points": CheckPoint,
-    "groups": GroupTest,
-    "variance_components": VarianceComponent,
-    "interior": InteriorSummary,
-}
-"""The class of the items of each of `ITEM_LISTS`."""
+from orip.records.results.solution import Estimates, Residuals, Solution
 
 
 def read(store: Store, bundle: str) -> Solution | None:
@@ -100,7 +54,7 @@ def _read(store: Store, name: str, residuals: Residuals) -> Solution:
     photos, (about_axes,) = _read_estimates(store, PHOTOS, name, len(PHOTO_PARAMETERS))
     points, (rays, kinds) = _read_estimates(store, POINTS, name, len(POINT_COORDINATES))
     lists: dict[str, Any] = {field: tuple(items(store, table, name)) for field, table in TUPLE_LISTS.items()}
-    for field, item in ITEMS.items():
+    for field, (_, item) in ITEMS.items():
         lists[field] = tuple(item(*row) for row in items(store, ITEM_LISTS[field], name))
     return Solution(
         **head,
