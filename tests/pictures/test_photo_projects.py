@@ -108,6 +108,20 @@ def test_what_is_no_photo_of_the_block_is_named_and_left_out(folder):
     assert [photo["name"] for photo in project["photo"]] == [f"A{n}" for n in range(1, 6)]
 
 
+def test_images_of_other_kinds_and_in_folders_are_named(folder):
+    for name in ("A1.CR2", "P1.HEIC", ".P2.HEIC"):
+        (folder / name).write_bytes(b"no JPEG")
+    said, project = _made(folder)
+    (line,) = [line for line in said.splitlines() if line.startswith("left out")]
+    assert line.startswith("left out P1.HEIC: not one of the images that orip reads (.jpg, "), "A1.CR2 has its JPEG"
+    assert len(project["photo"]) == 5
+    (folder.parent / "P3.dng").write_bytes(b"no JPEG")
+    done = orip(folder.parent, "photos", ".", "other")
+    assert done.code == 3
+    assert "there is no image in this folder; " in done.err
+    assert "; export .dng as one of them; name one of the folders in it: flight\n" in done.err
+
+
 @pytest.mark.parametrize("keeps_exif", [True, False])
 def test_a_picture_that_was_compressed_again_is_left_out(folder, keeps_exif):
     with Image.open(folder / "A2.jpg") as picture:
