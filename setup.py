@@ -10,6 +10,7 @@ from typing import Any
 from setuptools import Extension, setup
 from setuptools.command.build_ext import build_ext
 from setuptools.command.build_py import build_py
+from setuptools.errors import CompileError
 
 SAMPLES = Path("sample_projects")
 PATTERNS = (
@@ -33,11 +34,38 @@ MSVC_ARGUMENTS = ["/O2", "/fp:precise"]
 """For `-O3` of pyproject.toml; /fp:precise does not reorder sums."""
 
 
+WHAT_HELPS = (
+    "see the compiler's message above; it needs a C compiler and the headers of Python "
+    "(Debian, Ubuntu: apt install gcc python3-dev; macOS: xcode-select --install; Windows: Build Tools for C++)"
+)
+
+
 class BuildExtensions(build_ext):
-    """Compiles the extensions; the options in pyproject.toml are those of gcc and clang."""
+    """Compiles the extensions; the options in pyproject.toml are those of gcc and clang.
+
+    An installation is there without them, and says when it runs what it lacks. Whoever asks for the extensions alone
+    (`setup.py build_ext`) has nothing but them to ask for: there it is an error, as an older one may lie in the place.
+    """
+
+    def run(self) -> None:
+        """Build the extensions, and say which of them are not there."""
+        self.failed: list[str] = []
+        super().run()
+        if self.failed:
+            message = f"the compiled part of orip was not built: {', '.join(self.failed)}; {WHAT_HELPS}"
+            if "build_ext" in self.distribution.commands:
+                raise CompileError(message)
+            self.warn(f"{message}. Without it orip is slower, and has no preliminary values")
 
     def build_extension(self, ext: Extension) -> None:
         """Build an extension with the options of the compiler that was found."""
+        try:
+            self._build(ext)
+        except Exception:  # setuptools goes on, as the extensions are optional
+            self.failed.append(ext.name)
+            raise
+
+    def _build(self, ext: Extension) -> None:
         if self.compiler.compiler_type == "msvc":
             ext.extra_compile_args = MSVC_ARGUMENTS
         elif self.compiler.compiler_type == "unix":

@@ -8,6 +8,7 @@ import traceback
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from pathlib import Path
 
 import typer
 
@@ -42,7 +43,7 @@ def exit_on_error(terminal: Terminal, closing: str = NOTHING_WRITTEN) -> Iterato
         report(terminal, OripError(message), INTERRUPTED)
         raise typer.Exit(INTERRUPTED) from None
     except (OSError, MemoryError) as error:
-        report(terminal, OripError(f"the system refused: {error or 'out of memory'}"))
+        report(terminal, OripError(f"the system refused: {_reason(error)}"))
         raise typer.Exit(OripError.exit_code) from None
     except (typer.Exit, typer.Abort):
         raise
@@ -89,6 +90,15 @@ def report_usage(error: typer.TyperException, arguments: Sequence[str]) -> int:
     with suppress(OripError):
         terminal.flush()
     return UsageError.exit_code
+
+
+def _reason(error: OSError | MemoryError) -> str:
+    """Say what was refused, and what to look at; files under a temporary name are called by their folder."""
+    if not isinstance(error, OSError) or error.strerror is None or error.filename is None:
+        return str(error) or "out of memory"
+    path = Path(os.fsdecode(error.filename))
+    shown = path.parent if path.name.startswith(".orip-") else path
+    return f"{error.strerror}: {shown}; check its permissions and the disk, or choose another folder"
 
 
 def report(terminal: Terminal, error: OripError, exit_code: int | None = None, closing: str = NOTHING_WRITTEN) -> int:

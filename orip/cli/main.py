@@ -233,8 +233,9 @@ def main() -> None:
 
 
 def _prepare_streams() -> None:
-    """Let no stream fail a command: a closed one discards its input, a full one waits, every character prints."""
-    sys.stdout = sys.stdout or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115  # open for as long as orip runs
+    """Let no stream fail a command: a closed one is empty or discards, a full one waits, every character prints."""
+    sys.stdin = sys.stdin or Path(os.devnull).open(encoding="utf-8")  # noqa: SIM115  # open for as long as orip runs
+    sys.stdout = sys.stdout or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115
     sys.stderr = sys.stderr or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115
     for stream in (sys.stdout, sys.stderr):
         stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]

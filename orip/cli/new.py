@@ -155,6 +155,9 @@ def _register_new(app: typer.Typer) -> None:
             _require_none(kind, user, options)
             annex(PHOTOGRAPHS).make_project(invocation, photographs, folder or Path(name), options.crs)
             return
+        if folder is None and len(Path(name).parts) > 1:
+            message = f"'{name}' is a folder: write the project's name before it, 'orip new {Path(name).name} {name}'"
+            raise UsageError(message)
         start = _start(name, user, kind, options)
         tell_made(invocation.terminal, make_started_project(start, invocation.folder / (folder or name)))
 

@@ -116,12 +116,14 @@ def split_words(words: list[str], verb: str) -> tuple[str | None, Path, Path | N
     UsageError
         If there are too few or too many words.
     """
-    from orip.exchange.formats import FORMATS
+    from orip.exchange.formats import FORMATS, FORMATS_READ, format_named
 
     names = {one.name for one in FORMATS}
     is_named = len(words) > 1 and words[0].lower() in names
     name, rest = (words[0], words[1:]) if is_named else (None, words)
     if not 1 <= len(rest) <= 2:
+        if len(words) > 2 and not is_named:
+            format_named(words[0], FORMATS_READ)  # raises: it is none
         message = f"write 'orip {verb} SOURCE', or 'orip {verb} FORMAT SOURCE DIR'; 'orip import --list' shows formats"
         raise UsageError(message)
     return name, Path(rest[0]), Path(rest[1]) if len(rest) == 2 else None

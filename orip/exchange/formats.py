@@ -27,6 +27,7 @@ from orip.exchange.vision.bundler import BAL_FORMAT, BUNDLER_FORMAT
 from orip.exchange.vision.nvm import NVM_FORMAT
 from orip.exchange.vision.openmvg import OPENMVG_FORMAT
 from orip.exchange.vision.opf import OPF_FORMAT
+from orip.workflow.project.folder import PROJECT_FILE
 
 FORMATS: tuple[Format, ...] = (
     COLMAP_FORMAT,
@@ -92,7 +93,10 @@ def guessed_source(path: Path) -> tuple[Format, Path]:
         If it looks like none, or like several.
     """
     if not path.exists():
-        message = f"there is no '{path}'; name the file or folder of the other program"
+        message = f"there is no '{path}', nor a format '{path.name}'; name the file or folder of the other program"
+        raise UsageError(message)
+    if (path / PROJECT_FILE).is_file():
+        message = f"{path} is a project of orip, not of another program: adjust it with 'orip -C {path} run'"
         raise UsageError(message)
     found = [(one, path) for one in FORMATS_READ if one.recognises(path)]
     if not found and path.is_dir():

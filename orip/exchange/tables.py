@@ -157,6 +157,7 @@ def _project(found: _Read, tables: Mapping[str, Table]) -> ExchangedProject:
         for name, table in tables.items()
         if table.ignored
     ]
+    notes += [f"{name}.csv has a heading alone: nothing was read." for name, table in tables.items() if not table.rows]
     notes += [note for name, table in tables.items() for note in _said_of_units(name, table)]
     commas = [name for name, table in tables.items() if table.has_decimal_commas]
     notes += [f"Numbers with decimal commas: {', '.join(commas)}."] if commas else []

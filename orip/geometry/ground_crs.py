@@ -14,7 +14,7 @@ from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.errors import Complaint, InputError, ProjectWarning
-from orip.geometry.ground_ellipsoid import WITHOUT_HEIGHTS, heights_to_ellipsoid
+from orip.geometry.ground_ellipsoid import WITHOUT_HEIGHTS, best_transformation
 from orip.structs import replace
 from orip.units import DEGREES_PER_RADIAN, METRES_PER_GROUND_UNIT
 
@@ -362,7 +362,7 @@ def _with_heights(crs: GroundCrs, whole: pyproj.CRS, geodetic: pyproj.CRS, origi
     """Return the system with the heights of its vertical part, or refuse."""
     longitude, latitude = degrees_at(crs, crs.to_geographic(origin[None])[0])
     spatial = geodetic.to_3d()
-    vertical = heights_to_ellipsoid(whole, spatial, crs.shown, longitude, latitude)
+    vertical = best_transformation(whole, spatial, crs.shown, longitude, latitude)
     result = replace(
         crs,
         heights=whole.sub_crs_list[1].name,

@@ -95,9 +95,9 @@ def metres_per_radian(geographic: FloatArray, semi_axes: tuple[float, float]) ->
     return np.column_stack([(normal + height) * np.cos(latitude), meridian + height, np.ones(len(geographic))])
 
 
-# Where a geoid grid is missing PROJ silently leaves heights unchanged, even when asked for the best transformation
-# only. Only a transformation group tells which transformation would be possible with all grids, and which grids are
-# installed.
+# Where a grid of a geoid or of a datum is missing PROJ silently leaves coordinates unchanged, even when asked for the
+# best transformation only. Only a transformation group tells which transformation would be possible with all grids, and
+# which grids are installed.
 
 _AROUND_PLACE = 0.1
 """Degrees around the place in which a transformation must be valid: the size of a block."""
@@ -109,17 +109,17 @@ WITHOUT_HEIGHTS = (
 """What to do about heights that cannot be had."""
 
 
-def heights_to_ellipsoid(
+def best_transformation(
     whole: pyproj.CRS, spatial: pyproj.CRS, shown: str, longitude: float, latitude: float
 ) -> pyproj.Transformer:
-    """Return the best transformation of a compound system to ellipsoidal coordinates.
+    """Return the best transformation of a system, of heights or of another datum, to ellipsoidal coordinates.
 
     Parameters
     ----------
     whole : pyproj.CRS
-        Compound: projected and vertical.
+        With heights: compound of a projected and a vertical one, or spatial.
     spatial : pyproj.CRS
-        Longitude, latitude and height on the datum of its projected part.
+        Longitude, latitude and height on the datum that is wanted.
     shown : str
         What the user calls it.
     longitude, latitude : float
@@ -128,7 +128,8 @@ def heights_to_ellipsoid(
     Raises
     ------
     InputError
-        If the best transformation lacks a grid, or there is none but a "ballpark" one, which leaves heights unchanged.
+        If the best transformation lacks a grid, or there is none but a "ballpark" one, which leaves heights and datum
+        unchanged.
     """
     from pyproj.transformer import AreaOfInterest, TransformerGroup
 
@@ -143,20 +144,25 @@ def heights_to_ellipsoid(
         warnings.filterwarnings("ignore", message="Best transformation is not available")
         group = TransformerGroup(whole, spatial, always_xy=True, allow_ballpark=False, area_of_interest=area)
     if not group.best_available or not group.transformers:
-        raise InputError.single(_refusal(group, shown, whole.sub_crs_list[1].name if whole.is_compound else whole.name))
+        raise InputError.single(_refusal(group, shown, whole, spatial))
     return group.transformers[0]
 
 
-def _refusal(group: TransformerGroup, shown: str, heights: str) -> str:
+def _refusal(group: TransformerGroup, shown: str, whole: pyproj.CRS, spatial: pyproj.CRS) -> str:
     """Return what to install for the best transformation that PROJ knows of."""
     # documented there, but not in its __all__
     from pyproj.datadir import get_user_data_dir  # type: ignore[attr-defined]
 
-    start = f"crs {shown}: Z in {heights} cannot be taken to the ellipsoid:"
+    if whole.is_compound:
+        start = f"crs {shown}: Z in {whole.sub_crs_list[1].name} cannot be taken to the ellipsoid:"
+        unchanged, otherwise = "heights", WITHOUT_HEIGHTS
+    else:
+        start = f"crs {shown}: coordinates in {whole.name} cannot be taken to the datum of {spatial.name}:"
+        unchanged, otherwise = "coordinates", f"Else give them in a system on the datum of {spatial.name}"
     best = group.unavailable_operations[:1]
     missing = [grid for operation in best for grid in operation.grids if not grid.available]
     if not missing:
-        return f"{start} PROJ knows no transformation for it at this place. {WITHOUT_HEIGHTS}"
+        return f"{start} PROJ knows no transformation for it at this place. {otherwise}"
     steps = [
         f"run 'pyproj sync --file {grid.short_name}'"
         if grid.url and grid.direct_download
@@ -166,6 +172,6 @@ def _refusal(group: TransformerGroup, shown: str, heights: str) -> str:
     names = ", ".join(grid.short_name for grid in missing)
     what = f"{agreeing(len(missing), 'grid')} {names} {agreeing(len(missing), 'is', 'are')}"
     return (
-        f"{start} the {what} not installed, and PROJ would silently leave heights unchanged. "
-        f"To install, {' and '.join(steps)}. {WITHOUT_HEIGHTS}"
+        f"{start} the {what} not installed, and PROJ would silently leave {unchanged} unchanged. "
+        f"To install, {' and '.join(steps)}. {otherwise}"
     )

@@ -10,7 +10,7 @@ import numpy as np
 from orip.arrays import BoolArray, FloatArray
 from orip.errors import InputError
 from orip.geometry.ground_crs import geodetic_of, known_crs, near_place
-from orip.geometry.ground_ellipsoid import heights_to_ellipsoid, place_axes
+from orip.geometry.ground_ellipsoid import best_transformation, place_axes
 from orip.geometry.ground_frame import GroundFrame, ground_frame
 from orip.geometry.rotation import angles_from_rotation, rotation_from_navigation
 from orip.records.control import IN_PROJECT, Station, StationMotion, StationReference
@@ -137,7 +137,7 @@ def _to_geographic(source: str, target: str, middle: FloatArray) -> tuple[pyproj
     if not np.isfinite([longitude, latitude]).all():
         message = f"crs {source} ({whole.name}) has no place with the coordinates {middle[0]:.3f}, {middle[1]:.3f}"
         raise InputError.single(message)
-    found = heights_to_ellipsoid(whole, spatial, source, float(longitude), float(latitude))
+    found = best_transformation(whole, spatial, source, float(longitude), float(latitude))
     return found, whole, spatial
 
 

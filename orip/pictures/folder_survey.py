@@ -18,6 +18,7 @@ from orip.files.text.regular_file import file_digest, natural_key
 from orip.images.image_files import IMAGE_ENDINGS, Grey, ImageHeader, read_grey, read_header
 from orip.progress import stage
 from orip.structs import replace
+from orip.wording import first_names
 
 _SCREENS = frozenset({
     (1024, 768), (1280, 720), (1280, 800), (1280, 1024), (1366, 768), (1440, 900), (1600, 900), (1680, 1050),
@@ -70,6 +71,30 @@ class Survey(Struct, frozen=True):
     notes: tuple[str, ...]
 
 
+_ENDINGS_OF_OTHERS = frozenset({
+    ".heic", ".heif", ".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".rw2", ".orf", ".webp", ".avif", ".jp2", ".bmp",
+})  # fmt: skip
+_OF_OTHERS = f"not one of the images that orip reads ({', '.join(IMAGE_ENDINGS)}); export it as one of them"
+
+
+def _instead(found: Sequence[Path]) -> str:
+    """Say which images of other kinds, and which folders with images, are there instead."""
+    others = sorted({path.suffix for path in _of_others(found)})
+    folders = [path for path in found if path.is_dir() and any(_is_image(one) for one in path.iterdir())]
+    text = f"; export {' and '.join(others)} as one of them" if others else ""
+    return text + (
+        f"; name one of the folders in it: {first_names([one.name for one in folders], 3)}" if folders else ""
+    )
+
+
+def _of_others(found: Sequence[Path]) -> list[Path]:
+    return [path for path in found if path.suffix.lower() in _ENDINGS_OF_OTHERS and not path.name.startswith(".")]
+
+
+def _is_image(path: Path) -> bool:
+    return path.suffix.lower() in IMAGE_ENDINGS and not path.name.startswith(".")
+
+
 def survey_folder(folder: Path, sensor_width: float | None = None) -> Survey:
     """Examine the images of a folder.
 
@@ -83,9 +108,9 @@ def survey_folder(folder: Path, sensor_width: float | None = None) -> Survey:
     except OSError as error:
         message = f"the folder cannot be read ({error.strerror}); name the folder of the photographs"
         raise InputError.single(message, str(folder)) from None
-    paths = [path for path in found if path.suffix.lower() in IMAGE_ENDINGS and not path.name.startswith(".")]
+    paths = list(filter(_is_image, found))
     if not paths:
-        message = f"there is no image in this folder; orip reads {', '.join(IMAGE_ENDINGS)}"
+        message = f"there is no image in this folder; orip reads {', '.join(IMAGE_ENDINGS)}{_instead(found)}"
         raise InputError.single(message, str(folder))
     photos, left_out = [], []
     with stage("photos", len(paths)) as advance:
@@ -102,7 +127,9 @@ def survey_folder(folder: Path, sensor_width: float | None = None) -> Survey:
         reasons = "; ".join(f"{path.name}: {fault}" for path, fault in left_out[:3])
         message = f"none of {len(paths)} images can be used ({reasons})"
         raise InputError.single(message, str(folder))
-    order = {path: number for number, path in enumerate(paths)}
+    known = {path.stem.lower() for path in paths}  # cameras write raw images beside their JPEG
+    left_out += [(path, _OF_OTHERS) for path in _of_others(found) if path.stem.lower() not in known]
+    order = {path: number for number, path in enumerate(found)}
     left_out.sort(key=lambda one: order[one[0]])
     return Survey(used, tuple(left_out), tuple(_notes(used)))
 

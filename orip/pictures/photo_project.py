@@ -118,6 +118,17 @@ def make_photo_project(source: Path, folder: Path, settings: PhotoSettings) -> P
     return PhotoProject(name, folder, tuple(texts), cameras, survey, count, points)
 
 
+_SEPARATORS = re.compile(r"[;,\t ]+")
+_NORTHS = frozenset({"y", "n", "north", "northing", "lat", "latitude", "hochwert"})
+
+
+def _north_first(lines: Sequence[str]) -> Iterator[str]:
+    """Yield what is wrong with a heading that names the north before the east."""
+    words = [_SEPARATORS.split(line.strip(" \t!#").lower()) for line in lines]
+    if any(len(row) > 1 and row[1].strip("\"'") in _NORTHS for row in words):
+        yield "the heading has north before east; a line has name X Y Z, X to the east: exchange the two columns"
+
+
 def control_text(path: Path, error: float) -> str:
     """Return the text of a .PNT file from one, or from a table of name X Y Z with or without three errors.
 
@@ -133,9 +144,9 @@ def control_text(path: Path, error: float) -> str:
     kept = lines.value
     if path.suffix.lower() in _CONTROL_ENDINGS:
         kept = [f"! control points of {shown}"]
-        complaints: list[Complaint] = []
+        complaints = [Complaint(text, shown, 1) for text in _north_first(lines.value[:1])]
         for number, line in enumerate(lines.value, 1):
-            fields = [field for field in re.split(r"[;,\t ]+", line.strip()) if field]
+            fields = [field for field in _SEPARATORS.split(line.strip()) if field]
             if not fields or fields[0].startswith(("!", "#")) or (number == 1 and not is_number(fields[-1])):
                 continue
             if len(fields) not in {4, 7} or not all(map(is_number, fields[1:])):

@@ -248,7 +248,7 @@ def _read(project: ProjectFolder, files: ImportFiles, photos: Sequence[str]) -> 
     found: list[Parsed[Epochs]] = [parsed for parsed in (source, events, times) if parsed is not None]
     complaints = [complaint for parsed in found for complaint in parsed.complaints]
     complaints += [
-        Complaint("there are no epochs in this file", parsed.value.shown)
+        Complaint("there are no epochs in this file; give one with rows below its heading", parsed.value.shown)
         for parsed in found
         if not len(parsed.value) and not parsed.complaints
     ]

@@ -155,6 +155,9 @@ def read_station_table(
     """
     data, complaints = read_bytes(path, shown)
     reader = RowReader(shown, list(complaints))
+    if no_text := no_text_complaint((data or b"")[:_LOOKED_AT], shown):
+        reader.complaints.append(no_text)
+        data = None
     separator, rows = _table_rows(data or b"")
     if not rows:
         if not reader.complaints:

@@ -116,6 +116,8 @@ def test_a_wrong_project_file_does_not_hide_the_other_faults(project: Path) -> N
     for place in ("error: orip.toml:", "error: FIRST.PNT:1:", "error: FIRST.MEA:2:"):
         assert place in said.err
     assert "did you mean 'bundle'" in said.err
+    for command in ("camera list", "compare MAIN MAIN"):
+        assert orip(project, *command.split()).err.splitlines()[:3] == said.err.splitlines()[:3]
     assert set(contents(project)) == {"orip.toml", "FIRST.PNT", "FIRST.MEA"}
 
 

@@ -98,6 +98,24 @@ def test_a_project_in_the_folder_is_named(tmp_path: Path) -> None:
     assert f"this is not an orip project, but {tmp_path / 'cliff'} is, around it; go to" in orip(inner, "run").err
 
 
+def test_folders_that_are_no_names_and_folders_that_refuse(project: Path, tmp_path: Path) -> None:
+    said = orip(tmp_path, "new", "survey/QUARRY")
+    assert (said.code, said.err) == (
+        2, "error: 'survey/QUARRY' is a folder: write the project's name before it, 'orip new QUARRY survey/QUARRY'\n"
+    )  # fmt: skip
+    said = orip(project, "init", "--sample", "small_frame_block", "FIRST.PNT/cliff")
+    assert said.code == 1
+    assert f"{project / 'FIRST.PNT'}; check its permissions and the disk, or choose another folder" in said.err
+
+
+def test_sources_that_are_none(project: Path) -> None:
+    said = orip(project, "import", "agisoft", "x", "y")
+    assert said.err.startswith("error: there is no format 'agisoft'; known are: colmap, ")
+    assert "agisoft', nor a format 'agisoft'; name the file" in orip(project, "import", "agisoft", "x").err
+    said = orip(project.parent, "import", project.name)
+    assert f"{project} is a project of orip, not of another program: adjust it with 'orip -C" in said.err
+
+
 @pytest.mark.parametrize("name", ["Orip.toml", "orip.toml.txt"])
 def test_a_project_file_under_another_name_is_named(project: Path, name: str) -> None:
     (project / "orip.toml").rename(project / name)
@@ -319,6 +337,14 @@ def test_a_reader_that_has_seen_enough_is_no_error(project: Path) -> None:
     assert said.stdout.splitlines()[1] == "0"
     assert said.stdout.splitlines()[3] == "0"
     assert said.stderr == ""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="the shell closes its input")
+def test_a_closed_stdin_is_an_empty_one(tmp_path: Path) -> None:
+    script = f"'{sys.executable}' -m orip.cli.main -C '{tmp_path}' new QUARRY <&-"
+    said = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=False)
+    assert said.returncode == 0, said.stderr
+    assert (tmp_path / "QUARRY" / "orip.toml").is_file(), "what is not asked has its default"
 
 
 def test_closed_and_full_stdout(project: Path) -> None:

@@ -92,6 +92,15 @@ def test_marks_of_equal_coordinates_are_those_of_one_point() -> None:
     assert control.marks[0].label == "gcp02"
 
 
+def test_lists_without_rows_are_said(tmp_path: Path) -> None:
+    folder = project_folder(tmp_path)
+    for name in ("gcp_list.txt", "geo.txt"):
+        written(folder / name, "WGS84 UTM 33N\n")
+    notes = read_well(read_opensfm, folder).notes
+    assert "gcp_list.txt has a heading alone: no control was read." in notes
+    assert "geo.txt has a heading alone: no position was read." in notes
+
+
 def test_control_of_a_list_and_places_of_photos(tmp_path: Path) -> None:
     folder = project_folder(tmp_path)
     written(

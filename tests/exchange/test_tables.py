@@ -50,6 +50,11 @@ def test_tables_are_read_whatever_separates_their_fields(tmp_path: Path, mark: s
     assert any("decimal commas" in note for note in project.notes) == (comma == ",")
 
 
+def test_a_table_without_rows_is_said(tmp_path: Path) -> None:
+    written(tables_of(tmp_path, block(READING)) / "control.csv", "point,X,Y,Z\n")
+    assert "control.csv has a heading alone: nothing was read." in read_well(read_tables, tmp_path).notes
+
+
 def test_decimal_commas_between_commas_are_refused(tmp_path: Path) -> None:
     tables_of(tmp_path, block(READING))
     written(tmp_path / "control.csv", "point,X,Y,Z\nA,1,5,2,5,3,5\n")

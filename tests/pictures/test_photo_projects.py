@@ -108,6 +108,20 @@ def test_what_is_no_photo_of_the_block_is_named_and_left_out(folder):
     assert [photo["name"] for photo in project["photo"]] == [f"A{n}" for n in range(1, 6)]
 
 
+def test_images_of_other_kinds_and_in_folders_are_named(folder):
+    for name in ("A1.CR2", "P1.HEIC", ".P2.HEIC"):
+        (folder / name).write_bytes(b"no JPEG")
+    said, project = _made(folder)
+    (line,) = [line for line in said.splitlines() if line.startswith("left out")]
+    assert line.startswith("left out P1.HEIC: not one of the images that orip reads (.jpg, "), "A1.CR2 has its JPEG"
+    assert len(project["photo"]) == 5
+    (folder.parent / "P3.dng").write_bytes(b"no JPEG")
+    done = orip(folder.parent, "photos", ".", "other")
+    assert done.code == 3
+    assert "there is no image in this folder; " in done.err
+    assert "; export .dng as one of them; name one of the folders in it: flight\n" in done.err
+
+
 @pytest.mark.parametrize("keeps_exif", [True, False])
 def test_a_picture_that_was_compressed_again_is_left_out(folder, keeps_exif):
     with Image.open(folder / "A2.jpg") as picture:
@@ -138,10 +152,15 @@ def test_control_of_a_table(folder):
     _made(folder, "--control", "gcp.csv", "--control-error", "0.01")
     lines = (folder.parent / "made" / "made.PNT").read_text().splitlines()[1:]
     assert lines == ["K1 10.0 20.0 3.0 0.01 0.01 0.01", "K2 11.5 22.0 3.5 0.01 0.01 0.01"]
-    (folder.parent / "bad.csv").write_text("K1;10.0;20.0\n")
-    done = orip(folder.parent, "photos", folder.name, "other", "--control", "bad.csv")
-    assert done.code == 3
-    assert "bad.csv:1" in done.err
+    for text, said in (
+        ("K1;10.0;20.0\n", "bad.csv:1: a line has name X Y Z"),
+        ("name;X;Y;Z\n", "bad.csv: there is no control point in this file"),
+        ("id,Northing,Easting,Height\nK1,20.0,10.0,3.0\n", "bad.csv:1: the heading has north before east"),
+    ):
+        (folder.parent / "bad.csv").write_text(text)
+        done = orip(folder.parent, "photos", folder.name, "other", "--control", "bad.csv")
+        assert done.code == 3
+        assert said in done.err
     assert not (folder.parent / "other").exists()
 
 

@@ -91,6 +91,11 @@ def test_constant_and_compared_stations_stay_what_they_are() -> None:
         ("EPSG:5703", "EPSG:25832", "has no places on the earth; name a geographic or projected system"),
         ("EPSG:4258", None, "the project has no crs"),
         ("EPSG:4258+7837", "EPSG:25832", "cannot be taken to the ellipsoid"),
+        (
+            "EPSG:4326",
+            "EPSG:31467",
+            r"coordinates in WGS 84 cannot be taken to the datum of DHDN: .* Else give them in a system on",
+        ),
     ],
 )
 def test_what_cannot_be_converted_is_refused(crs: str, project: str | None, words: str) -> None:

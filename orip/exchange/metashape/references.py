@@ -253,6 +253,7 @@ def with_references(project: ExchangedProject, path: Path, shown: str, letters: 
     if faults.complaints:
         return Parsed(project, tuple(faults.complaints))
     found = _placed(project, table)
+    empty = [] if table.references else [f"{path.name} has a heading alone: no reference was read."]
     is_on_the_ground = project.ground_unit == "m"
     stations = {station.photo: station for station in project.stations} | (found.stations if is_on_the_ground else {})
     control = {point.name: point for point in project.control} | found.control
@@ -266,7 +267,7 @@ def with_references(project: ExchangedProject, path: Path, shown: str, letters: 
         checks=frozenset(name for name in control if found.compared.get(name, name in project.checks)),
         control_crs=crs if is_geocentric else "",
         station_reference=StationReference(crs if is_geocentric else "", navigation=is_turned),
-        notes=(*project.notes, *_notes(found, path.name, is_on_the_ground=is_on_the_ground)),
+        notes=(*project.notes, *empty, *_notes(found, path.name, is_on_the_ground=is_on_the_ground)),
     )
     return Parsed(changed)
 

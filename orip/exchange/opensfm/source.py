@@ -160,6 +160,7 @@ def _project(
         faults = faults_of(files.places)
         places = read_place_list(files.places, faults)
         complaints += faults.complaints
+        notes += [] if places.places else [f"{files.places.name} has a heading alone: no position was read."]
         stations = _stations(places, reconstruction, notes)
         has_angles = any(station.has_angles for station in stations)
         reference = StationReference(places.crs, navigation=has_angles)
@@ -240,6 +241,7 @@ def _add_control(
         control_list = read_control_list(files.control_list, faults)
         marked, crs, in_pixels = marked_points_of_list(control_list), control_list.crs, True
         complaints += faults.complaints
+        notes += [] if control_list.marks else [f"{files.control_list.name} has a heading alone: no control was read."]
     elif files.control_document is not None:
         faults = faults_of(files.control_document)
         document = read_json(files.control_document, faults)

@@ -11,7 +11,8 @@ from orip.files.result.reader import read_result
 from orip.records.names import record_key
 from orip.records.results.tests import ResultFigures
 from orip.solving.differences import Comparison, Tolerance, compare_figures
-from orip.workflow.project.folder import PROJECT_FILE, open_project
+from orip.workflow.project.folder import PROJECT_FILE
+from orip.workflow.project.texts import open_checked_project
 
 
 class CompareOutcome(Struct, frozen=True):
@@ -59,7 +60,7 @@ def _folder_of_results(path: Path, given: Path) -> tuple[Path, Path]:
     """Return where the results of a project folder are, and how messages name that; of another folder itself."""
     if not (path / PROJECT_FILE).is_file():
         return path, given
-    results = open_project(path).results
+    results = open_checked_project(path).results
     return results, given / results.relative_to(path)
 
 
@@ -93,7 +94,7 @@ def _result_of_bundle(folder: Path, name: str) -> tuple[Path, str] | None:
     """
     if not (folder / PROJECT_FILE).is_file():
         return None
-    project = open_project(folder)
+    project = open_checked_project(folder)
     bundle = next((one for one in project.bundle_names if record_key(one) == record_key(name)), None)
     if bundle is None:
         return None

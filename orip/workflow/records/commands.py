@@ -21,8 +21,9 @@ from orip.structs import replace
 from orip.wording import first_names
 from orip.workflow.project.commit import Change, ChangedMeanwhileError
 from orip.workflow.project.definitions import StoredDefinitions
-from orip.workflow.project.folder import ProjectFolder, open_project
+from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.state import Part, ProjectState, StoredParts, read_state
+from orip.workflow.project.texts import open_checked_project
 from orip.workflow.records import edits as record_edits
 from orip.workflow.records.changes import RecordChange, Renaming, record_changes
 from orip.workflow.records.document import CheckedDocument, bound, checked, stored_document
@@ -84,7 +85,7 @@ def read_records(folder: Path, *, with_solutions: bool = False) -> ProjectState:
     ------
     InputError, LockedError
     """
-    project = open_project(folder)
+    project = open_checked_project(folder)
     bundles = [stored.record.name for stored in read_state(project, {"definitions"}, ()).definitions.bundles]
     parts: tuple[Part, ...] = ("definitions", "marks", "observations")
     return read_state(project, (*parts, "solutions") if with_solutions else parts, bundles)

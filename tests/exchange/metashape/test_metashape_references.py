@@ -135,6 +135,12 @@ def test_faults_of_a_table_name_their_line(tmp_path: Path, table: str, said: str
     assert any(said in complaint.message for complaint in parsed.complaints), parsed.complaints
 
 
+def test_a_table_without_rows_is_said(tmp_path: Path) -> None:
+    project = read_well(read_metashape, written(tmp_path / "a" / "cameras.xml", document(block(READING))))
+    parsed = with_references(project, written(tmp_path / "table.csv", "#Label,X,Y,Z\n"), "table.csv")
+    assert parsed.value.notes[-1] == "table.csv has a heading alone: no reference was read."
+
+
 def test_an_export_has_tables_of_what_was_given_and_found(tmp_path: Path) -> None:
     project = read_well(read_metashape, placed(tmp_path / "source", TABLE))
     covariance = np.broadcast_to(np.diag([1e-4, 4e-4, 9e-4]), (len(project.points.names), 3, 3))

@@ -308,6 +308,7 @@ def test_times_of_photos(tmp_path: Path) -> None:
     ("text", "place", "words"),
     [
         ("", "a.csv", "the table is empty"),
+        ("PK\x03\x04", "a.csv", "this is no text, but a workbook (.xlsx, .ods)"),
         ("photo,X,Y\nP1,1,2\n", "a.csv:1", "no column is known as Z"),
         ("photo,X,Y,Z\nP1,1,2\n", "a.csv:2", "a field is missing, 3 found"),
         ("photo,X,Y,Z\nP1,561971,479,5934123,680,60,313\n", "a.csv:2", "with decimal commas the separator has to be"),
