@@ -51,9 +51,15 @@ _LIMIT = 60.0
 """Square of a difference of six elements, over their covariance, from which it is no chance: 22 has a probability of
 0.1 %, and correlations between photos are neglected."""
 
-_EXPLAINED, _CERTAINLY = 0.1, 1e-3
-"""Part of the differences that is left where mountings are read as they were meant, and one that no other reading
-leaves."""
+_EXPLAINED, _CERTAINLY = 1.0 / 3.0, 1e-3
+"""Part of the square sum of differences that is left where mountings are read as they were meant, and one that no
+other reading leaves."""
+
+_LEAST_FALL = 25.0
+"""Least fall of that square sum; of thirty readings, by chance, none."""
+
+_AS_GIVEN = np.diag([1e-12] * 3 + [1e-16] * 3)
+"""Least covariance of a mounting: the first of a rig is constant."""
 
 _AS_WELL = 1.01
 """Ratio of two of these parts up to which one reading is as likely as the other: of a rig of two cameras the inverse
@@ -75,12 +81,15 @@ def contradicting_rigs(misfit: Misfit) -> list[ProjectWarning]:
     solved, readjuster = misfit.solved, misfit.readjuster
     if solved.problem.unknowns.rigs is None or not readjuster.is_worthwhile:
         return []
-    if not (_is_doubtful(fit_of_adjustment(solved)) or any(group.doubted for group in misfit.solution.groups)):
+    is_doubtful = _is_doubtful(fit_of_adjustment(solved))
+    if not (is_doubtful or any(group.doubted for group in misfit.solution.groups)):
         return []
     said = readjuster.block.rigs
     for free in _without_mountings(solved, readjuster):
         if free is not None and is_good(fit_of_adjustment(free)) and _has_most_photos(free, said):
-            return list(_wrong_mountings(free, said)) or list(_other_instants(free, said))
+            found = list(_wrong_mountings(free, said)) or list(_other_instants(free, said))
+            if found or is_doubtful:
+                return found
     return []
 
 
@@ -121,7 +130,17 @@ def _is_doubtful(given: Fit) -> bool:
 
 
 def _wrong_mountings(alone: SolvedBlock, given: Rigs) -> Iterator[ProjectWarning]:
+    """Yield what is wrong with mountings; where they were unknowns, small differences only if a reading explains them.
+
+    What is held of a lens may be wrong, and moves them, too.
+    """
+    from orip.bundle.results.ground import reduced_cofactors
+
     state, covariances = _free(alone, given)
+    columns = alone.problem.unknowns.rigs
+    of_mountings = None
+    if columns is not None:
+        of_mountings = _AS_GIVEN + alone.deviation_scale**2 * reduced_cofactors(alone, columns.mountings)
     places = replace(alone.block, rigs=given).places_on_rigs()
     for rig in given.rigs:
         rows = [row for row, camera in enumerate(places.mounted) if camera.rig == rig.name]
@@ -137,7 +156,11 @@ def _wrong_mountings(alone: SolvedBlock, given: Rigs) -> Iterator[ProjectWarning
         found = {row: (state.offsets[row], state.mountings[row]) for row in said}
         of_found = {row: _mean_covariance(state, covariances, row) + errors[row] for row in said}
         names = {row: places.mounted[row].mounting.name for row in said}
-        yield from _compared(said, _Found(found, of_found), names, rig.name, alone.block.ground_unit)
+        warnings = list(_compared(said, _Found(found, of_found), names, rig.name, alone.block.ground_unit))
+        if not warnings and of_mountings is not None:
+            of_found = {row: of_mountings[row] + errors[row] for row in said}
+            warnings = list(_read_otherwise(said, _Found(found, of_found), names, rig.name))
+        yield from warnings
 
 
 def _given(mounting: Mounting, found: Pose, largest: float) -> tuple[Pose, FloatArray]:
@@ -156,22 +179,10 @@ def _given(mounting: Mounting, found: Pose, largest: float) -> tuple[Pose, Float
 def _compared(
     said: dict[int, Pose], found: _Found, names: dict[int, str], rig: str, unit: str
 ) -> Iterator[ProjectWarning]:
+    if readings := list(_read_otherwise(said, found, names, rig)):
+        yield from readings
+        return
     off = _off(said, found)
-    if not off:
-        return
-    size = _size(said, found)
-    readings = [(_size(meant.poses, found) / size, meant) for meant in other_mountings(said, list(off), names, rig)]
-    likely = [
-        (left, meant)
-        for left, meant in sorted(readings, key=lambda reading: reading[0])
-        if left < _CERTAINLY or (left < _EXPLAINED and not _off(meant.poses, found))
-    ]
-    if likely:
-        least, first = likely[0]
-        others = [meant.text for left, meant in likely[1:] if left <= _AS_WELL * least]
-        code = EXCHANGED_CAMERAS if first.is_exchange else MISREAD_MOUNTING
-        yield ProjectWarning(code, f"rig {rig}", "; or ".join([first.text, *dict.fromkeys(others)]))
-        return
     for row, (shift, turn) in off.items():
         text = (
             f"camera {names[row]} is mounted {np.linalg.norm(turn) * DEGREES_PER_RADIAN:.2g} degrees and "
@@ -179,6 +190,25 @@ def _compared(
             "and rotation out: they are then adjusted"
         )
         yield ProjectWarning(MOUNTING, f"camera {names[row]}", text)
+
+
+def _read_otherwise(said: dict[int, Pose], found: _Found, names: dict[int, str], rig: str) -> Iterator[ProjectWarning]:
+    """Yield as what the mountings of a rig were probably meant, if they are off and not so."""
+    off, size = _off(said, found), _size(said, found)
+    if size < _LEAST_FALL:
+        return
+    readings = [(_size(meant.poses, found) / size, meant) for meant in other_mountings(said, list(off), names, rig)]
+    likely = [
+        (left, meant)
+        for left, meant in sorted(readings, key=lambda reading: reading[0])
+        if left < _CERTAINLY
+        or (left < _EXPLAINED and size * (1.0 - left) > _LEAST_FALL and not _off(meant.poses, found))
+    ]
+    if likely:
+        least, first = likely[0]
+        others = [meant.text for left, meant in likely[1:] if left <= _AS_WELL * least]
+        code = EXCHANGED_CAMERAS if first.is_exchange else MISREAD_MOUNTING
+        yield ProjectWarning(code, f"rig {rig}", "; or ".join([first.text, *dict.fromkeys(others)]))
 
 
 def _other_instants(alone: SolvedBlock, given: Rigs) -> Iterator[ProjectWarning]:

@@ -42,6 +42,9 @@ def _in_other_order(rotation: FloatArray) -> FloatArray:
     return rotation_from_angles(-angles_from_rotation(rotation)).T
 
 
+_INVERSE = _Reading(
+    "offsets and rotations lead from the rig to the photo", ("offset", "rotation"), lambda o, m: (-m.T @ o, m.T)
+)
 _READINGS = (
     _Reading("offsets are a thousand times too large", ("offset",), lambda o, m: (o / 1000.0, m)),
     _Reading("offsets are a thousand times too small", ("offset",), lambda o, m: (o * 1000.0, m)),
@@ -53,9 +56,7 @@ _READINGS = (
         lambda o, m: (o, _in_other_order(m)),
     ),
     _Reading("offsets are along the axes of the photo", ("offset",), lambda o, m: (m @ o, m)),
-    _Reading(
-        "offsets and rotations lead from the rig to the photo", ("offset", "rotation"), lambda o, m: (-m.T @ o, m.T)
-    ),
+    _INVERSE,
 )
 
 
@@ -74,20 +75,31 @@ def other_mountings(
         Of the cameras.
     rig : str
     """
+    others = [row for row in said if not _is_origin(said[row])]
+    two = len(said) == 2 and len(others) == 1
     for one, other in combinations(said, 2):
         text = (
             f"cameras {names[one]} and {names[other]} of rig {rig} are exchanged: each is mounted where the other "
             "one is said to be; exchange their names in the [[rig]], or the cameras of their photos"
         )
+        if two:  # the exchanged mounting is the inverse one
+            text += f"; or {_read(_INVERSE, said, others, names, rig).text}"
         yield OtherMountings({**said, one: said[other], other: said[one]}, is_exchange=True, text=text)
-    others = [row for row in said if not _is_origin(said[row])]
-    for rows in dict.fromkeys((tuple(row for row in others if row in off), tuple(others))):
-        for reading in _READINGS if rows else ():
-            meant = {row: reading.pose(*said[row]) for row in rows}
-            whose = f"camera{'s' if len(rows) > 1 else ''} {joined([names[row] for row in rows])} of rig {rig}"
-            written = [f"{_written(reading.changes, pose)} for {names[row]}" for row, pose in meant.items()]
-            text = f"{whose}: {reading.what}; write {joined(written)} in the [[rig]]"
-            yield OtherMountings({**said, **meant}, is_exchange=False, text=text)
+    of_some = [tuple(row for row in others if row in off), *((row,) for row in others), tuple(others)]
+    for rows in filter(None, dict.fromkeys(of_some)):
+        for reading in _READINGS:
+            if not (two and reading is _INVERSE):
+                yield _read(reading, said, rows, names, rig)
+
+
+def _read(
+    reading: _Reading, said: dict[int, Pose], rows: Sequence[int], names: dict[int, str], rig: str
+) -> OtherMountings:
+    meant = {row: reading.pose(*said[row]) for row in rows}
+    whose = f"camera{'s' if len(rows) > 1 else ''} {joined([names[row] for row in rows])} of rig {rig}"
+    written = [f"{_written(reading.changes, pose)} for {names[row]}" for row, pose in meant.items()]
+    text = f"{whose}: {reading.what}; write {joined(written)} in the [[rig]]"
+    return OtherMountings({**said, **meant}, is_exchange=False, text=text)
 
 
 def _is_origin(pose: Pose) -> bool:

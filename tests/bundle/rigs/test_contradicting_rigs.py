@@ -47,6 +47,17 @@ def test_two_cameras_that_are_exchanged_are_named_also_where_one_of_them_is_a_li
 
 
 @pytest.mark.parametrize("seed", range(5))
+def test_of_two_exchanged_cameras_the_inverse_mounting_is_named_too(seed):
+    pose = _rig(np.random.default_rng(seed))[1]
+    found = {0: (np.zeros(3), np.eye(3)), 1: pose}
+    inverse = -pose[1].T @ pose[0], pose[1].T
+    covariance = np.diag([OFFSET_ERROR**2] * 3 + [TURN_ERROR**2] * 3)
+    (warning,) = _compared({**found, 1: inverse}, _Found(found, dict.fromkeys(found, covariance)), NAMES, "head", "m")
+    assert warning.code == EXCHANGED_CAMERAS
+    assert "; or camera B of rig head: offsets and rotations lead from the rig to the photo; write" in warning.text
+
+
+@pytest.mark.parametrize("seed", range(5))
 def test_camera_that_is_mounted_elsewhere_is_named_alone(seed):
     said = _rig(np.random.default_rng(seed))
     assert _told(said, {**said, 3: _moved(said[3], np.zeros(3), np.array([0.0, 0.0, 0.01]))}) == [
