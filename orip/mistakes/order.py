@@ -31,6 +31,7 @@ from orip.mistakes.exchanged_photos import another_flight, exchanged_photos, oth
 from orip.mistakes.ground_systems import control_axes, control_units, mirrored_control
 from orip.mistakes.hypothesis import Fit, Hypothesis, Misfit, Readjuster, fit_of_adjustment, is_good
 from orip.mistakes.left_out_photos import misread_beside, misread_photos
+from orip.mistakes.marks.shifted_points import shifted_points
 from orip.mistakes.other_units import angle_units, control_error_units, direction_units, measurement_precision_units
 from orip.mistakes.photo_coordinates import mirrored_photos, reduced_pictures
 from orip.mistakes.rigs.contradicting_rigs import contradicting_rigs
@@ -50,6 +51,7 @@ from orip.structs import replace
 SIGNS_IN_RESULT: tuple[Callable[[Misfit], list[ProjectWarning]], ...] = (
     contradicting_rigs,
     reduced_control,
+    shifted_points,
     misread_control_points,
     misread_angles,
     misread_places,
@@ -61,7 +63,7 @@ SIGNS_IN_RESULT: tuple[Callable[[Misfit], list[ProjectWarning]], ...] = (
     along_the_flight,
     one_strip_off,
 )
-"""What is wrong with rigs, control or stations, from where the block has them; the first that is found is told.
+"""What is wrong with rigs, films, control or stations, from where the block has them; the first that is found is told.
 
 All positions or angles of a file come before photos of another lens, which may make them appear wrong.
 """
