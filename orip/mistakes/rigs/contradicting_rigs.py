@@ -40,6 +40,7 @@ _BENT = Consequence(warnings=ANOTHER_START, groups=(*ON_GROUND, "check point", "
 MOUNTING = declare("mounting", "", _BENT)
 MISREAD_MOUNTING = declare("misread-mounting", "", _BENT)
 EXCHANGED_CAMERAS = declare("exchanged-cameras", "", _BENT)
+NOT_SYNCHRONOUS = declare("not-synchronous", "", _BENT)
 
 _SHARE = 0.15
 """Part of the rays of a photo that do not fit where its rig is looked at."""
@@ -233,7 +234,7 @@ def _other_instants(alone: SolvedBlock, given: Rigs) -> Iterator[ProjectWarning]
             f"exposure {name} is not synchronous: {subject} {size} degrees off from {others}; take what was not taken "
             "at that instant out of the [[exposure]]"
         )
-        yield ProjectWarning("not-synchronous", f"exposure {name}", text)
+        yield ProjectWarning(NOT_SYNCHRONOUS, f"exposure {name}", text)
 
 
 def _free(alone: SolvedBlock, given: Rigs) -> tuple[RigState, FloatArray]:

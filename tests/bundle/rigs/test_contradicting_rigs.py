@@ -146,3 +146,10 @@ def test_cameras_without_common_view_are_compared_with_the_rig_that_ties_them():
 def test_right_constant_mountings_have_no_warning(head):
     solution, _ = solve(_with_constant(rig_block(head, "written", points=150), lambda o, m: (o, m)))
     assert not solution.warnings
+
+
+def test_of_an_exposure_that_is_not_synchronous_no_control_is_accused():
+    made = rig_block("apart", "d", planted={"exposure": (4, (0.6, 0.0, 0.0), (0.0, 0.0, 0.3))})
+    solution, _ = solve(made.block)
+    assert [warning[:2] for warning in solution.warnings] == [("not-synchronous", "exposure E5")]
+    assert "exposure E5" in solution.verdict
