@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import compress
 from operator import attrgetter
 
 import numpy as np
 from msgspec import Struct
 
-from orip.arrays import BoolArray, FloatArray
+from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.prelim.block_grower import FITTING, BlockGrower
 from orip.prelim.found_values import fits_by_chance, is_strong, rays_that_count, redundancy, robust_square_sum
 from orip.prelim.growing_block import GrowingBlock, residual_lengths
@@ -23,8 +24,8 @@ from orip.prelim.parts import (
     supported_photos,
     ties_between,
 )
-from orip.prelim.relative.orientation import pairs_by_common_points
-from orip.prelim.routes import POINTS_FOR_A_PAIR, Route
+from orip.prelim.relative.orientation import OrientedPair, pairs_by_common_points
+from orip.prelim.routes import POINTS_FOR_A_PAIR, Route, worth_of_pair
 from orip.records.preliminary import NotOriented, PartialBlock
 from orip.structs import replace
 
@@ -35,6 +36,9 @@ _POINTS = 3
 
 _ROUNDS_OF_PARTS = 3
 """Number of adjustments of plan and height."""
+
+_MOST_MODELS = 4
+"""Models of a photo, the best ones, that are placed; more where they join what nothing else does."""
 
 
 def by_parts(free: BlockGrower, held: BlockGrower, known: FloatArray, start: Route) -> Iterator[Route]:
@@ -79,18 +83,47 @@ def _placements(parts: Sequence[PartialBlock], known: FloatArray) -> list[Placem
     return sorted(found, key=attrgetter("misfit"))
 
 
-def _models_between(grower: BlockGrower, parts: list[PartialBlock]) -> Iterator[PartialBlock]:
-    """Yield the models of photos that are in different parts, or in none."""
+def _models_between(grower: BlockGrower, parts: list[PartialBlock]) -> list[PartialBlock]:
+    """Return models of photos that are in different parts, or in none: the best of each photo, and all that join."""
     part_of = np.full(len(grower.rays.photos), -1)
     for number, part in enumerate(parts):
         part_of[part.photos] = number
+    found: list[OrientedPair] = []
     for left, right, _ in pairs_by_common_points(grower.common, POINTS_FOR_A_PAIR):
         if part_of[left] != part_of[right] or part_of[left] < 0:
             model = grower.model(left, right)
             if isinstance(model, NotOriented) or len(model.block.points) < _POINTS:
                 continue
             if model.fitting >= FITTING:
-                yield model.block
+                found.append(model)
+    group = np.where(part_of < 0, len(parts) + np.arange(len(part_of)), part_of)
+    photos = np.array([model.photos for model in found], dtype=np.int64).reshape(-1, 2)
+    kept = best_models(photos, np.array([worth_of_pair(model) for model in found]), group)
+    return [model.block for model in compress(found, kept)]
+
+
+def best_models(photos: IntArray, worths: FloatArray, group: IntArray) -> BoolArray:
+    """Return which models (n,) are among the best of one of their photos, or join what no better one does.
+
+    A point that twenty photos show is in 190 models of theirs, and would tie each of these to each other one.
+
+    Parameters
+    ----------
+    photos : array (n, 2) of int
+    worths : array (n,)
+        How good the models are.
+    group : array (number of photos,) of int
+        Photos of one group are joined already.
+    """
+    kept, group, models = np.zeros(len(photos), dtype=bool), group.copy(), np.zeros(len(group), dtype=np.int64)
+    for place in np.argsort(-worths, kind="stable").tolist():
+        pair = photos[place]
+        one, other = group[pair].tolist()
+        if one != other or models[pair].min() < _MOST_MODELS:
+            kept[place] = True
+            models[pair] += 1
+            group[group == other] = one
+    return kept
 
 
 def _with_single_rays(part: PartialBlock, grower: BlockGrower) -> PartialBlock:

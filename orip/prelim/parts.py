@@ -74,10 +74,14 @@ class Ties(Struct, frozen=True):
     def reduced_blocks(self, design: Values, free: BoolArray) -> Values:
         """Return the blocks (b, u, u) of the normal equations of a design (u, n), free places eliminated."""
         one, other = self.pairs
-        place = self.place[one]
-        left = design.conj()[:, one] * ((one == other) - (free / self.counts)[place])
-        products = left[:, None] * design[:, other]
-        return np.moveaxis(np.add.reduceat(products, self.block_starts, axis=2), 2, 0)
+        weight = (one == other) - (free / self.counts)[self.place[one]]
+        blocks = np.empty((len(self.block_starts), len(design), len(design)), dtype=design.dtype)
+        # one element after the other, as there are many pairs
+        for row, left in enumerate(design.conj()):
+            weighted = left[one] * weight
+            for column, right in enumerate(design):
+                blocks[:, row, column] = np.add.reduceat(weighted * right[other], self.block_starts)
+        return blocks
 
 
 def ties_between(parts: Sequence[PartialBlock], known: FloatArray) -> Ties:

@@ -267,12 +267,12 @@ def _starting_pair(grower: BlockGrower, free: BoolArray, choice: int) -> Oriente
             break
         pair = grower.model(left, right)
         if isinstance(pair, OrientedPair):
-            found.append((_worth(pair), pair))
+            found.append((worth_of_pair(pair), pair))
     found.sort(key=itemgetter(0), reverse=True)
     return found[min(choice, len(found) - 1)][1] if found else None
 
 
-def _worth(pair: OrientedPair) -> float:
+def worth_of_pair(pair: OrientedPair) -> float:
     """Return how good a starting pair is: many points that fit, at good angles."""
     to_left = pair.block.coordinates
     to_right = to_left - pair.base

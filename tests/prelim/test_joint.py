@@ -13,7 +13,7 @@ from orip.prelim import joint_placing as placing
 from orip.prelim.found_values import fits_by_chance, is_strong, rays_that_count, redundancy, robust_square_sum
 from orip.prelim.growing_block import residual_lengths
 from orip.prelim.joint_placing import levelling, place_parts, tilts
-from orip.prelim.joint_routes import by_level_photos
+from orip.prelim.joint_routes import best_models, by_level_photos
 from orip.prelim.measured_block import measured_block
 from orip.prelim.parts import LOOKING_DOWN, UPRIGHT, assembled_at, single_photo, supported_photos, ties_between
 from orip.prelim.rays import ImageRays, image_rays
@@ -210,3 +210,19 @@ def test_level_photos_lead_to_a_block_only_where_they_fit() -> None:
     mirrored = known[:, [1, 0, 2]]
     held = measured.grower(measured.full_control()[:, [1, 0, 2]])
     assert not by_level_photos(held, mirrored).systems
+
+
+def test_of_many_models_the_best_of_each_photo_are_placed_and_those_that_join_the_others() -> None:
+    random = np.random.default_rng(7)
+    # two lots of photos, all pairs in each, and one poor model between them
+    of_lot = np.stack(np.triu_indices(15, 1), axis=1)
+    photos = np.vstack([of_lot, of_lot + 15, [[3, 20]]])
+    worths = np.concatenate([random.uniform(1.0, 2.0, 2 * len(of_lot)), [0.1]])
+    kept = best_models(photos, worths, np.arange(30))
+    assert kept[-1]
+    assert np.count_nonzero(kept) < 5 * 30 < len(kept)
+    for photo in range(30):
+        own = np.flatnonzero((photos == photo).any(axis=1))
+        assert kept[own[np.argsort(-worths[own])][:4]].all()
+    # photos that are joined already need no poor model
+    assert not best_models(photos, worths, np.zeros(30, dtype=np.int64))[-1]

@@ -195,6 +195,7 @@ def test_readouts_of_blocks_from_arrays() -> None:
     ("camera", "said"),
     [
         ({"readout": 30.0}, "it is in seconds from the first row or column to the last one"),
+        ({"readout": -48.2}, "in milliseconds, write readout = -0.0482"),
         ({"readout": 0.03, "sensor": None}, "has a readout, but no sensor whose rows it is of"),
         ({"unknown": ["READOUT"], "sensor": None}, "has a readout, but no sensor whose rows it is of"),
         ({"readout": float("nan")}, "nan"),

@@ -92,10 +92,10 @@ def _misfits(before: Sequence[tuple[str, str, str]], rig: str, camera: str) -> I
         if record_key(other) != record_key(rig):
             others = f"'{shown_token(photo)}' of rig '{shown_token(other)}'"
             yield f"is of rig '{shown_token(rig)}', {others}; give an exposure the photos of one rig"
-    for _, of, photo in before:
-        if record_key(of) == record_key(camera):
-            text = f"is of camera '{shown_token(camera)}' as '{shown_token(photo)}' is"
-            yield f"{text}; a camera has one photo in an exposure"
+    same = [photo for _, of, photo in before if record_key(of) == record_key(camera)]
+    if len(same) == 1:  # of more the second one has said it
+        text = f"is of camera '{shown_token(camera)}' as '{shown_token(same[0])}' is"
+        yield f"{text}; a camera has one photo in an exposure: leave that of its instant"
 
 
 def _rigs_of_cameras(source: ProjectSource) -> dict[str, str]:

@@ -111,7 +111,8 @@ def _readout(camera: Located[Camera], where: str) -> Iterator[Fault]:
     if abs(readout) > _LONGEST_READOUT:
         message = (
             f"{where} has readout = {readout:g}; it is in seconds from the first row or column to the last one "
-            f"(negative in the other order), {_LONGEST_READOUT:g} at most: write for example readout = 0.030"
+            f"(negative in the other order), {_LONGEST_READOUT:g} at most: if this is in milliseconds, write readout = "
+            f"{readout / 1000.0:g}"
         )
         yield (*camera.place, "readout"), message
     elif record.sensor is None and (readout or "READOUT" in record.unknown):

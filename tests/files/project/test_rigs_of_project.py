@@ -98,3 +98,10 @@ def test_a_camera_on_no_rig_is_said_once():
 def test_two_photos_of_a_camera_are_not_of_one_exposure():
     _, (fault,) = read(RIG + EXPOSURES.replace('"1R"]', '"2L"]'))
     assert "is of camera 'LEFT' as '1L' is; a camera has one photo in an exposure" in fault
+
+
+def test_an_exposure_of_all_photos_of_a_camera_is_said_once():
+    more = "".join(f'[[photo]]\nname = "{number}L"\ncamera = "LEFT"\n' for number in range(3, 9))
+    names = ", ".join(f'"{number}L"' for number in range(2, 9))
+    _, (fault,) = read(more + RIG + EXPOSURES.replace('"2R"', names))
+    assert "photo '3L' of exposure 'E2' is of camera 'LEFT' as '2L' is; a camera has one photo in an exposure" in fault
