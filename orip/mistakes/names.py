@@ -27,7 +27,7 @@ _NAMED = 3
 
 _ENDING = re.compile(r"\.(jpe?g|tiff?|png|dng|nef|cr[23]|arw|raf|rw2|orf|0)$", re.IGNORECASE)
 """Of image files, and of numbers that a spreadsheet took for measured ones."""
-_SEPARATORS = re.compile(r"[-_.]")
+_SEPARATORS = re.compile(r"[-_.\"']")
 _ZEROS = re.compile(r"(?<!\d)0+(?=\d)")
 """Leading zeros of a number in a name."""
 
@@ -103,7 +103,7 @@ def _between(shorter: str, longer: str) -> str:
     ending = _ENDING.search(longer)
     if ending and longer[: ending.start()] == shorter:
         return f"the ending {ending[0]}"
-    for sign, noun in (("-", "a hyphen"), ("_", "an underscore"), (".", "a point")):
+    for sign, noun in (("-", "a hyphen"), ("_", "an underscore"), (".", "a point"), ('"', "quotation marks")):
         if longer.replace(sign, "") == shorter:
             return noun
     return "leading zeros" if _ZEROS.sub("", longer) == _ZEROS.sub("", shorter) else "their spelling"

@@ -165,6 +165,8 @@ def test_names_that_a_spreadsheet_took_for_numbers(project: Path) -> None:
     said = orip(project, "run", "--no-report")
     assert "control points 1.0, 2.0, 3.0 and 1 more are not measured in any photo, but 1, 2, 3 and 1 more" in said.err
     assert "the names differ by the ending .0 alone" in said.err
+    (project / "FIRST.PNT").write_text("".join('"{}" {}\n'.format(*line.split(" ", 1)) for line in text.splitlines()))
+    assert "the names differ by quotation marks alone" in orip(project, "run", "--no-report").err
 
 
 def test_a_measurement_file_in_other_letters_is_not_left_out_silently(project: Path) -> None:

@@ -249,6 +249,8 @@ def unknown_key(key: str, title: str, allowed: Sequence[str]) -> str:
     note = _K_OF_OTHERS if key.upper() in ("K1", "K2", "K3", "K4") else ""
     if key.upper() in ("PIXEL_SIZE", "PIXEL", "PIXEL_PITCH") and "width" in allowed:
         note = "; width = columns times the size of a pixel in mm, height = rows times it"
+    if "LAP" in key.upper() and "forward" in allowed:
+        near, note = None, "; overlaps along and across the strips are forward and side, in percent"
     return f"{title} has the unknown key '{shown}'; {instead(near, allowed)}{note}"
 
 

@@ -159,6 +159,7 @@ def test_a_direction_of_rows_without_their_readout_is_a_warning(key: str) -> Non
         (f'{PROJECT}project_files = "a/b"\n', 3, "project_files 'a/b' has /, which file names cannot have"),
         (f'{PROJECT}temtick_file = "CAMERAS.CAM"\n', 3, "does not end in .TIK, as this store does"),
         ('[project]\nname = "MY BLOCK"\ncontrol_files = "C"\n', 2, 'or set project_files to "MY_BLOCK"'),
+        (f"{PROJECT}[plan]\nheight = 9\nsidelap = 60\n", 5, "strips are forward and side, in percent"),
         (f"{PROJECT}[cameras]\n", 3, "the project has the unknown key 'cameras'; did you mean 'camera'?"),
         (f"{PROJECT}epsg = 25832\n", 3, "did you mean 'crs'?"),
         (f'{PROJECT}[[camera]]\nname = "O"\nfocal_length = 8\n', 5, "did you mean 'c'?"),
