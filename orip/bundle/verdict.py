@@ -11,8 +11,9 @@ from msgspec import Struct
 
 from orip.bundle.ground_system import CONTROL_LINE
 from orip.bundle.groups.words import CODE, EXPLAINED, group_name
-from orip.bundle.results.reliability import has_suspects
+from orip.bundle.results.reliability import has_suspects, suspect_rows
 from orip.bundle.results.unchecked_photos import UNCHECKED
+from orip.records.observation_kinds import PHOTO_POINT, named_observation
 from orip.records.results.solution import Diagnosis, Solution
 from orip.records.results.tests import NOT_DETERMINED
 from orip.wording import counted
@@ -142,8 +143,18 @@ def _doubts(solution: Solution, mistakes: Sequence[Diagnosis]) -> str:
     if solution.status == "doubtful":
         also = [found.text for found in mistakes[:1]] + _ambiguities(solution)
         fits = any(found.code == OTHER_ORIENTATION for found in solution.diagnosis) and not has_suspects(solution)
-        return "with doubts: " + "; ".join([*([] if fits else ["observations do not fit"]), *also])
+        unfit = f"observations do not fit{'' if also else _worst_but_photo_points(solution)}"
+        return "with doubts: " + "; ".join([*([] if fits else [unfit]), *also])
     return f"but {mistakes[0].text}" if mistakes else ""
+
+
+def _worst_but_photo_points(solution: Solution) -> str:
+    """Return the observation that fits worst, to follow what is said of all; "" where it is a photo point."""
+    residuals, rows = solution.residuals, suspect_rows(solution)
+    if not len(rows) or residuals.kind[row := int(rows[0])] == PHOTO_POINT.name:
+        return ""
+    name = named_observation(residuals.kind[row], residuals.photo[row], residuals.point[row], residuals.component[row])
+    return f", worst of all {name}"
 
 
 def _ambiguities(solution: Solution) -> list[str]:

@@ -186,3 +186,17 @@ def photos_per_point(photo: IntArray, point: IntArray, chosen: BoolArray, points
         photo, point = photo[chosen], point[chosen]
     before = measured_before(photo, point)
     return np.bincount(point[before == 0] if before.any() else point, minlength=points)
+
+
+_GROUP_OF_ELEMENTS = {"X": "point", "Y": "point", "Z": "point", "R": "theodolite set"}
+"""What an element belongs to by its component; photos have their own column, all others are of cameras."""
+
+
+def named_observation(kind: str, photo: str, point: str, component: str = "") -> str:
+    """Return what an observation of a kind is called; a given element by its component: ``Z0 of photo 101``."""
+    if kind == "photo":
+        return f"photo {photo} point {point}"
+    if kind in {ELEMENT.name, CONSTANT_ELEMENT.name}:
+        group = "photo" if photo else _GROUP_OF_ELEMENTS.get(component, "camera")
+        return f"{component} of {group} {photo or point}".strip()
+    return " ".join(part for part in (OBSERVATION_KINDS[kind].label, photo, point) if part)

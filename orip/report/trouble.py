@@ -11,20 +11,12 @@ import numpy as np
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.results.reliability import FAMILY_ALPHA, suspect_rows
 from orip.records.coded_names import coded
-from orip.records.observation_kinds import (
-    CONSTANT_ELEMENT,
-    ELEMENT,
-    OBSERVATION_KINDS,
-    unit_of_observation,
-)
+from orip.records.observation_kinds import named_observation, unit_of_observation
 from orip.records.results.solution import Blunder, Residuals, Solution
 from orip.report.report_input import ReportInput, pixel_of_photo
 from orip.report.table import NO_LINKS, SINGULAR, PageColumn, PageTable, counted, decimals_of_most, fixed, significant
 from orip.structs import remembered
 from orip.wording import first_names
-
-_GROUP_OF_ELEMENTS = {"X": "point", "Y": "point", "Z": "point", "R": "theodolite set"}
-"""What an element belongs to by its component; photos have their own column, all others are of cameras."""
 
 
 def suspects(solution: Solution, test_level: float | None = None) -> dict[str, list[str]]:
@@ -41,16 +33,6 @@ def suspects(solution: Solution, test_level: float | None = None) -> dict[str, l
 
 _TESTABLE = 1e-4
 """Redundancy number above which the size of an error shows: control that is much better than the photos has little."""
-
-
-def named_observation(kind: str, photo: str, point: str, component: str = "") -> str:
-    """Return what an observation of a kind is called; a given element by its component: ``Z0 of photo 101``."""
-    if kind == "photo":
-        return f"photo {photo} point {point}"
-    if kind in {ELEMENT.name, CONSTANT_ELEMENT.name}:
-        group = "photo" if photo else _GROUP_OF_ELEMENTS.get(component, "camera")
-        return f"{component} of {group} {photo or point}".strip()
-    return " ".join(part for part in (OBSERVATION_KINDS[kind].label, photo, point) if part)
 
 
 def observation_of(residuals: Residuals, row: int) -> str:

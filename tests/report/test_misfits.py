@@ -14,11 +14,12 @@ from orip.bundle.results.reliability import number_by_chance, suspect_rows, susp
 from orip.records.camera import Camera, Sensor
 from orip.records.definition import BundleDefinition
 from orip.records.names import record_key
+from orip.records.observation_kinds import named_observation
 from orip.records.photo import Photo
 from orip.records.results.solution import Solution
 from orip.report.report_input import ReportInput
 from orip.report.summary import summary
-from orip.report.trouble import named_observation, suspect_table, suspects, weak_spots
+from orip.report.trouble import suspect_table, suspects, weak_spots
 from orip.structs import replace
 
 
