@@ -14,8 +14,9 @@ enum {
 /* After them: the unknowns of a photo. */
 #define LAYOUT_NAME "orip.bundle.compiled.layout"
 
-/* Numbers that the groups of a share need together, if there are several of them: 256 KB. */
-#define NUMBERS_OF_SHARE (1 << 15)
+/* Numbers that the groups of a share need together, if there are several of them: 512 KB. With more of them a thread seldom
+ * adds to what another one has just changed, which its processor would have to fetch. */
+#define NUMBERS_OF_SHARE (1 << 16)
 
 /* Unknowns of the reduced system, or of a group; products of two such sizes still are numbers of 64 bits. */
 #define LARGEST_SYSTEM (INT64_C(1) << 28)
