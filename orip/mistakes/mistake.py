@@ -75,13 +75,13 @@ BAD_START = Consequence(warnings=("preliminary-values", "photo-left-out", "one-r
 ALL_OF_ITS_PHOTO = Consequence(warnings=None, of_same_photo=True)
 """A photo that is measured wrong as a whole is anywhere, and leads the adjustment astray."""
 
-MISPLACED_PHOTO = Consequence(groups=(*ON_GROUND, "check point"))
-"""... and the control that it shows with it."""
+MISPLACED_PHOTO = Consequence(groups=(*ON_GROUND, "check point", "camera"))
+"""... and the control that it shows with it, and the camera takes up what it can of that."""
 
 ALL_THE_REST = Consequence(warnings=None)
 """Pixels that all are somewhere else leave nothing to be said of photos and control."""
 
-OTHER_FRAME = Consequence(warnings=("far-from-given",), groups=(*ON_GROUND, "check point"))
+OTHER_FRAME = Consequence(warnings=("far-from-given",), groups=(*ON_GROUND, "check point", "camera"))
 """A camera that has another frame has another principal distance, too."""
 
 STATIONS_OFF = Consequence(warnings=ANOTHER_START, groups=ON_GROUND)

@@ -185,7 +185,7 @@ def test_status_imports_nothing_that_computes(project: Path) -> None:
     found = modules_after(statements, project)
     assert "orip.workflow.status" in found
     computing = {"orip.bundle", "orip.prelim", "orip.mistakes", "orip.interior.replay", "orip.interior.orientation"}
-    assert not {*SLOW, *computing, "numpy", "orip.records.results.solution"} & found
+    assert not {*SLOW, *computing, "numpy"} & found
 
 
 @pytest.fixture(scope="module")

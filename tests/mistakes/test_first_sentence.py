@@ -162,8 +162,10 @@ def test_a_photo_that_was_turned_is_not_accused_of_its_position_as_well(tmp_path
             ]
     (folder / f"T.{ending}").write_text("".join(f"{line}\n" for line in lines))
     said = run(folder)
-    if "photo P6" in first_line([said]):
-        assert not [line for line in warnings(said)[1:] if "P6" in line.split(":")[1]], said.told
+    assert "photo P6" in first_line([said]), said.told
+    assert not [line for line in warnings(said)[1:] if "P6" in line.split(":")[1]], said.told
+    # the camera takes up what is left of the photo
+    assert "DY of camera" not in said.told, said.told
 
 
 def test_a_shift_of_strips_needs_strips(tmp_path: Path) -> None:
