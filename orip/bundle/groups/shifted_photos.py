@@ -70,10 +70,9 @@ def shift_tests(solved: SolvedBlock) -> ShiftTests | None:
         for one in range(2):
             products = (partials * weighted[:, one, None])[touched]
             right[one] += np.bincount(place, products, minlength=count * size).reshape(count, size)
-    # (n, u, 2): what the unknowns absorb
-    right = right.transpose(1, 2, 0)
-    moved = solved.normals.solve(right.transpose(1, 0, 2).reshape(size, 2 * count)).reshape(size, count, 2)
-    shown = square - np.einsum("nui,unj->nij", right, moved)
+    moved = solved.normals.solve(right.reshape(2 * count, size).T).T.reshape(right.shape)
+    # what the unknowns absorb
+    shown = square - np.einsum("inu,jnu->nij", right, moved)
     shows = np.linalg.eigvalsh(shown)[:, 0] > _ABSORBED * np.einsum("nii->n", square)
     shows &= np.einsum("nii->n", square) > 0.0
     inverse = np.full_like(shown, np.nan)
