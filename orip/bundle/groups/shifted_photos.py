@@ -8,6 +8,7 @@ without them.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -37,11 +38,31 @@ class ShiftTests(NamedTuple):
         How much the square sum of the residuals, in a-priori variances, falls; chi-square on 2 degrees of freedom.
     shift, sd : arrays (n, 2)
         Of measured x and y, mm, and its standard deviation from a-priori errors.
+    value : array (n, 2)
+        Right-hand sides of the shifts.
+    square : array (n, 2, 2)
+        Their normal equations, before what the unknowns absorb.
+    right, moved : arrays (2, n, u)
+        What they have in common with the unknowns, and that multiplied by the cofactors of these.
     """
 
     statistic: FloatArray
     shift: FloatArray
     sd: FloatArray
+    value: FloatArray
+    square: FloatArray
+    right: FloatArray
+    moved: FloatArray
+
+    def together(self, photos: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+        """Return the shifts (k, 2) of k photos that are all shifted, and their covariances (k, 2, 2)."""
+        rows, count = list(photos), len(photos)
+        shown = -np.einsum("aiu,bju->iajb", self.right[:, rows], self.moved[:, rows])
+        place = np.arange(count)
+        shown[place, :, place, :] += self.square[rows]
+        covariance = np.linalg.inv(shown.reshape(2 * count, 2 * count))
+        shift = covariance @ self.value[rows].ravel()
+        return shift.reshape(count, 2), covariance.reshape(count, 2, count, 2)[place, :, place, :]
 
 
 def shift_tests(solved: SolvedBlock) -> ShiftTests | None:
@@ -78,4 +99,5 @@ def shift_tests(solved: SolvedBlock) -> ShiftTests | None:
     inverse = np.full_like(shown, np.nan)
     inverse[shows] = np.linalg.inv(shown[shows])
     shift = np.einsum("nij,nj->ni", inverse, value)
-    return ShiftTests(np.einsum("ni,ni->n", shift, value), shift, np.sqrt(np.einsum("nii->ni", inverse)))
+    statistic, sd = np.einsum("ni,ni->n", shift, value), np.sqrt(np.einsum("nii->ni", inverse))
+    return ShiftTests(statistic, shift, sd, value, square, right, moved)

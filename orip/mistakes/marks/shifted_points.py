@@ -1,6 +1,8 @@
-"""All points of a photo shifted against its fiducial marks: the zero of the measurement changed, or the film moved."""
+"""All points of photos shifted against its fiducial marks: the zero of the measurement changed, or the film moved."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -25,45 +27,84 @@ _MEDIAN = 2.0 * float(np.log(2.0))
 _MATERIAL = 5.0
 """A-priori errors of a photo coordinate that a shift is at least: less is no mistake, and harms little."""
 
-_LEFT = 0.25
-"""Part of its statistic that another photo may keep where one explains the misfit."""
+_HIDDEN = 4.0
+"""Times the limit that a statistic exceeds where none stood out before: two shifts bend all of a small block, but so do
+deformed films."""
+
+_MOST = 0.34
+"""Part of the photos that may be shifted; of more it cannot be told which are."""
+
+_PASSES = 2
+"""Times that every one of them is corrected on the average: what is down-weighted at first shows too little."""
 
 
 def shifted_points(misfit: Misfit) -> list[ProjectWarning]:
-    """Return that the points of one photo with fiducial marks are shifted, if all fits once they are moved back."""
+    """Return that the points of photos with fiducial marks are shifted, if all fits once they are moved back.
+
+    They are found one after the other, each beside those found before.
+    """
     solved, readjuster = misfit.solved, misfit.readjuster
     block = readjuster.block
-    if not (solved.converged and readjuster.is_worthwhile and any(camera.fiducials for camera in block.cameras)):
+    is_of_marks = np.array([bool(block.cameras[row].fiducials) for row in block.photo_camera])
+    if not (solved.converged and readjuster.is_worthwhile and is_of_marks.any()):
         return []
-    tests = shift_tests(solved)
-    if tests is None:
+    limit = -2.0 * float(np.log(_ALPHA / len(is_of_marks)))
+    most = max(1, int(_MOST * len(is_of_marks)))
+    least = _MATERIAL * float(np.median(block.photo_points.error))
+    correction, shifted = np.zeros((len(is_of_marks), 2)), list[int]()
+    stood_out = False
+    for _ in range(_PASSES * most + 1):
+        tests = shift_tests(solved)
+        if tests is None:
+            return []
+        statistic = np.where(is_of_marks, np.nan_to_num(tests.statistic), 0.0)
+        photo = int(np.argmax(statistic))
+        stands_out = bool(statistic[photo] > limit * _scale(tests, solved))
+        stood_out |= stands_out
+        is_left = statistic[photo] > limit and np.linalg.norm(tests.shift[photo]) > least
+        if not (stands_out and is_left):
+            named = _named(solved, shifted, correction, tests, limit if stood_out else _HIDDEN * limit)
+            if named or not is_left:
+                return named
+        if photo not in shifted:
+            shifted.append(photo)
+        if len(shifted) > most:
+            return []
+        correction[shifted] += tests.together(shifted)[0]
+        points = block.photo_points
+        moved = readjuster.adjust(replace(block, photo_points=replace(points, xy=points.xy - correction[points.photo])))
+        if moved is None:
+            return []
+        solved = moved
+    return []
+
+
+def _named(
+    solved: SolvedBlock, shifted: Sequence[int], correction: FloatArray, tests: ShiftTests, limit: float
+) -> list[ProjectWarning]:
+    """Return a warning for each photo that is moved back in an adjustment, if all then fits, and each is needed."""
+    if not (shifted and is_good(fit_of_adjustment(solved))):
         return []
-    statistic = _scaled(tests, solved)
-    photo = int(np.argmax(statistic))
-    rows = block.photo_points.photo == photo
-    shift, sd = tests.shift[photo], tests.sd[photo] * solved.deviation_scale
-    error = float(np.median(block.photo_points.error[rows]))
-    is_of_marks = bool(block.cameras[block.photo_camera[photo]].fiducials)
-    limit = -2.0 * np.log(_ALPHA / len(statistic))
-    if not (is_of_marks and statistic[photo] > limit and np.linalg.norm(shift) > _MATERIAL * error):
+    remaining, covariance = tests.together(shifted)
+    shift, scale = correction[shifted] + remaining, _scale(tests, solved)
+    if (np.einsum("ka,kab,kb->k", shift, np.linalg.inv(covariance), shift) < limit * scale).any():
         return []
-    xy = block.photo_points.xy - np.where(rows[:, None], shift, 0.0)
-    moved = readjuster.adjust(replace(block, photo_points=replace(block.photo_points, xy=xy)))
-    if moved is None or not is_good(fit_of_adjustment(moved)):
-        return []
-    again = shift_tests(moved)
-    if again is None or _scaled(again, moved).max() > max(limit, _LEFT * statistic[photo]):
-        return []
+    sd = np.sqrt(scale * np.einsum("kaa->ka", covariance))
+    return [
+        ProjectWarning(SHIFTED_POINTS, f"photo {solved.block.photos[photo].name}", _text(*found))
+        for photo, *found in sorted(zip(shifted, shift, sd, strict=True))
+    ]
+
+
+def _text(shift: FloatArray, sd: FloatArray) -> str:
     sizes = ", ".join(f"{axis} {size:+.2g} ± {own:.1g}" for axis, size, own in zip("xy", shift, sd, strict=True))
-    text = (
+    return (
         f"all of its points are off by {sizes} mm against its fiducial marks, and fit without that: the zero of the "
         "measurement changed between marks and points, or the film moved; measure its marks and its points again"
     )
-    return [ProjectWarning(SHIFTED_POINTS, f"photo {block.photos[photo].name}", text)]
 
 
-def _scaled(tests: ShiftTests, solved: SolvedBlock) -> FloatArray:
-    """Return the statistics (n,) over the variance that most of them have: films are deformed."""
-    statistic = np.nan_to_num(tests.statistic)
-    usual = float(np.median(statistic)) / _MEDIAN
-    return np.asarray(statistic / max(1.0, usual, solved.deviation_scale**2))
+def _scale(tests: ShiftTests, solved: SolvedBlock) -> float:
+    """Return the variance that most statistics have: films are deformed."""
+    usual = float(np.median(np.nan_to_num(tests.statistic))) / _MEDIAN
+    return max(1.0, usual, solved.deviation_scale**2)

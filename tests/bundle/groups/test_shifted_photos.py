@@ -1,4 +1,4 @@
-"""Points of one photo that are shifted against its fiducial marks."""
+"""Points of photos that are shifted against their fiducial marks."""
 
 from __future__ import annotations
 
@@ -39,6 +39,21 @@ def test_a_shifted_photo_is_named(seed: int) -> None:
     assert [where for where, _ in found] == ["photo P3"]
     assert solution.status == "doubtful"
     assert "all points of a photo are shifted against its fiducial marks" in solution.verdict
+
+
+@pytest.mark.parametrize("seed", range(20, 26))
+def test_two_shifted_photos_are_both_named(seed: int) -> None:
+    made, shift = film(seed, 1, (0.8, -0.6)), np.array([-0.6, -0.8])
+    points = made.photo_points
+    xy = points.xy + np.where((points.photo == 4)[:, None], shift, 0.0)
+    solution, solved = solve(replace(made, photo_points=replace(points, xy=xy)))
+    assert [where for code, where, _ in solution.warnings if code == SHIFTED_POINTS] == ["photo P2", "photo P5"]
+    tests = shift_tests(solved)
+    assert tests is not None
+    found, covariance = tests.together([1, 4])
+    # one beside the other, each is what it is; alone, either has a part of the other
+    errors = found - [[0.8, -0.6], shift]
+    assert (np.abs(errors) < 5.0 * np.sqrt(np.einsum("kaa->ka", covariance))).all()
 
 
 @pytest.mark.parametrize("seed", range(4))
