@@ -40,13 +40,16 @@ def is_possible_view(c: float, diagonal: float) -> bool:
 
 _PRINCIPAL_POINT = slice(1, 3)
 _DISTORTION = slice(3, READOUT)
-_OTHER_CAMERA = Consequence(groups=ON_GROUND)
+_OTHER_CAMERA = Consequence(groups=(*ON_GROUND, "check point", "camera"))
 """A camera displaces photos along their axes, and these the control."""
 
-DISTORTION_SIGN = declare("distortion-sign", "", BAD_START, _OTHER_CAMERA)
-POINT_SIGN = declare("principal-point-sign", "", BAD_START, _OTHER_CAMERA)
-DISTORTION = declare("distortion", "", BAD_START, _OTHER_CAMERA)
-NOT_SQUARE = declare("pixels-not-square", "", BAD_START, _OTHER_CAMERA, Consequence(groups=("distance",)))
+DISTORTION_SIGN = declare("distortion-sign", "the distortion of a camera has the opposite sign", BAD_START, _OTHER_CAMERA)
+POINT_SIGN = declare("principal-point-sign", "the principal point of a camera has the opposite sign", BAD_START, _OTHER_CAMERA)
+DISTORTION = declare("distortion", "the distortion of a lens is not given", BAD_START, _OTHER_CAMERA)
+NOT_SQUARE = declare(
+    "pixels-not-square", "the sensor is given with another ratio of its sides", BAD_START, _OTHER_CAMERA,
+    Consequence(groups=("distance",)),
+)  # fmt: skip
 
 _ROUNDED, _NOT_SQUARE = 1e-5, 0.02
 """What the ratio of the sides of a pixel differs from 1 by where a size was rounded."""
@@ -146,7 +149,7 @@ def _is_unknown(camera: Camera) -> BoolArray:
 # Where the photos' orientations are roughly known, the adjustment starts from the value that follows from points with
 # given coordinates.
 
-OTHER_LENS = declare("principal-distance", "", BAD_START, _OTHER_CAMERA)
+OTHER_LENS = declare("principal-distance", "the principal distance of a camera does not fit its photos", BAD_START, _OTHER_CAMERA)
 
 _NEAR_AXIS = 0.02
 """Angle, radians, from the camera's axis below which a point says nothing about the principal distance."""
