@@ -43,8 +43,12 @@ _DISTORTION = slice(3, READOUT)
 _OTHER_CAMERA = Consequence(groups=(*ON_GROUND, "check point", "camera"))
 """A camera displaces photos along their axes, and these the control."""
 
-DISTORTION_SIGN = declare("distortion-sign", "the distortion of a camera has the opposite sign", BAD_START, _OTHER_CAMERA)
-POINT_SIGN = declare("principal-point-sign", "the principal point of a camera has the opposite sign", BAD_START, _OTHER_CAMERA)
+DISTORTION_SIGN = declare(
+    "distortion-sign", "the distortion of a camera has the opposite sign", BAD_START, _OTHER_CAMERA
+)
+POINT_SIGN = declare(
+    "principal-point-sign", "the principal point of a camera has the opposite sign", BAD_START, _OTHER_CAMERA
+)
 DISTORTION = declare("distortion", "the distortion of a lens is not given", BAD_START, _OTHER_CAMERA)
 NOT_SQUARE = declare(
     "pixels-not-square", "the sensor is given with another ratio of its sides", BAD_START, _OTHER_CAMERA,
@@ -149,7 +153,16 @@ def _is_unknown(camera: Camera) -> BoolArray:
 # Where the photos' orientations are roughly known, the adjustment starts from the value that follows from points with
 # given coordinates.
 
-OTHER_LENS = declare("principal-distance", "the principal distance of a camera does not fit its photos", BAD_START, _OTHER_CAMERA)
+OTHER_LENS = declare(
+    "principal-distance", "the principal distance of a camera does not fit its photos", BAD_START, _OTHER_CAMERA
+)
+OTHER_POINT = declare(
+    "principal-point", "the principal point of a camera does not fit its photos", BAD_START, _OTHER_CAMERA
+)
+UNEQUAL_AXES = declare(
+    "unequal-axes", "x and y of the photos have different scales", BAD_START, _OTHER_CAMERA,
+    Consequence(groups=("distance",)),
+)  # fmt: skip
 
 _NEAR_AXIS = 0.02
 """Angle, radians, from the camera's axis below which a point says nothing about the principal distance."""
@@ -178,7 +191,7 @@ def _findings(solved: SolvedBlock, row: int, given: float) -> list[ProjectWarnin
     corners = frame_corners(camera)
     if corners is not None and not is_possible_view(found, float(np.hypot(*(corners[1] - corners[0])))):
         return []
-    sd = _sd_of_principal_distance(solved, row)
+    sd = float(_sd_of_parameters(solved, row, "C")[0])
     sensor, size, sizes = camera.sensor, "", ""
     if sensor is not None:
         width, height = (side * given / found for side in (sensor.width, sensor.height))
@@ -192,6 +205,55 @@ def _findings(solved: SolvedBlock, row: int, given: float) -> list[ProjectWarnin
         'or let the adjustment determine it (unknown = ["C"])'
     )
     return [ProjectWarning(OTHER_LENS, f"camera {camera.name}", text)]
+
+
+_SIGNIFICANT = 5.0
+"""Standard deviations by which a parameter is another one."""
+
+
+def other_principal_point(block: Block, row: int) -> Iterator[Hypothesis]:
+    """Yield the camera of one row with an unknown principal point."""
+    if not _is_unknown(block.cameras[row])[_PRINCIPAL_POINT].any():
+        yield Hypothesis(with_unknown(block, row, "DX", "DY"), partial(_of_point, row=row))
+
+
+def _of_point(solved: SolvedBlock, row: int) -> list[ProjectWarning]:
+    camera = solved.block.cameras[row]
+    given, found = _values(camera)[_PRINCIPAL_POINT], solved.state.cameras[row, _PRINCIPAL_POINT]
+    sd = _sd_of_parameters(solved, row, "DX", "DY")
+    if not (np.abs(found - given) > _SIGNIFICANT * sd).any():
+        return []
+    x, y = found
+    text = (
+        f"the principal point [{given[0]:g}, {given[1]:g}] does not fit the photos, [{x:.3f} ± {sd[0]:.1g}, {y:.3f} ± "
+        f"{sd[1]:.1g}] mm does: it is probably that of another calibration, or counted from a corner or with another "
+        f"direction of y; correct it (principal_point = [{x:.4g}, {y:.4g}]), or let the adjustment determine it "
+        '(unknown = ["DX", "DY"])'
+    )
+    return [ProjectWarning(OTHER_POINT, f"camera {camera.name}", text)]
+
+
+def unequal_axes(block: Block, row: int) -> Iterator[Hypothesis]:
+    """Yield the camera of one row with an unknown scale of x against y, and of both."""
+    if "B1" not in block.cameras[row].unknown:
+        yield Hypothesis(with_unknown(block, row, "C", "B1"), partial(_of_axes, row=row))
+
+
+def _of_axes(solved: SolvedBlock, row: int) -> list[ProjectWarning]:
+    camera, place = solved.block.cameras[row], CAMERA_PARAMETERS.index("B1")
+    found, sd = float(solved.state.cameras[row, place]), float(_sd_of_parameters(solved, row, "B1")[0])
+    if abs(found - camera.parameters[place]) < _SIGNIFICANT * sd:
+        return []
+    text = (
+        f"x is {1.0 + found:.5f} ± {sd:.1g} times as long as y in its photos: their sides, or those of the sensor or "
+        'of a pixel, are given wrong; correct them, or let the adjustment determine it (unknown = ["C", "B1"])'
+    )
+    return [ProjectWarning(UNEQUAL_AXES, f"camera {camera.name}", text)]
+
+
+def _sd_of_parameters(solved: SolvedBlock, row: int, *kinds: str) -> FloatArray:
+    columns = solved.problem.unknowns.cameras[row, [CAMERA_PARAMETERS.index(kind) for kind in kinds]]
+    return np.asarray(solved.deviation_scale * np.sqrt(np.diagonal(solved.cofactors_of(columns))))
 
 
 def _unit_clause(given: float, found: float, camera: Camera) -> str:
@@ -232,7 +294,7 @@ def far_from_given(block: Block, solved: SolvedBlock) -> Iterator[ProjectWarning
         given, found = camera.parameters[0], float(solved.state.cameras[row, 0])
         if row < 0 or "C" not in camera.unknown or found <= 0.0 or abs(float(np.log(given / found))) < _FAR:
             continue
-        sd = _sd_of_principal_distance(solved, row)
+        sd = float(_sd_of_parameters(solved, row, "C")[0])
         if sd < _DETERMINED * found:
             text = (
                 f"C = {given:g} mm is far from the {found:.5g} ± {sd:.1g} mm that the adjustment found"
@@ -240,11 +302,6 @@ def far_from_given(block: Block, solved: SolvedBlock) -> Iterator[ProjectWarning
                 f"its sensor are the right ones, and write c = {found:.5g}"
             )
             yield ProjectWarning(FAR_FROM_GIVEN, f"camera {camera.name}", text)
-
-
-def _sd_of_principal_distance(solved: SolvedBlock, row: int) -> float:
-    column = int(solved.problem.unknowns.cameras[row, 0])
-    return float(solved.deviation_scale * np.sqrt(solved.cofactors_of(np.array([column]))[0, 0]))
 
 
 def principal_distance_seen(block: Block, camera: int) -> float:

@@ -14,8 +14,10 @@ from orip.mistakes.camera_values import (
     distortion_of_lens,
     distortion_sign,
     other_principal_distance,
+    other_principal_point,
     principal_point_sign,
     square_pixels,
+    unequal_axes,
 )
 from orip.mistakes.control.contradicting_control import released_control
 from orip.mistakes.control.free_network import control_of_free_network
@@ -172,8 +174,10 @@ def _of_cameras(block: Block) -> Iterator[Hypothesis]:
         yield from square_pixels(block, row)
         yield from distortion_sign(block, row)
         yield from principal_point_sign(block, row)
+        yield from other_principal_point(block, row)
         yield from distortion_of_lens(block, row)
         yield from other_principal_distance(block, row)
+        yield from unequal_axes(block, row)
 
 
 def _worst_constant_control(block: Block, given: Fit) -> list[str]:

@@ -19,6 +19,7 @@ from orip.mistakes.camera_values import (
     distortion_of_lens,
     distortion_sign,
     other_principal_distance,
+    other_principal_point,
     principal_point_sign,
     with_unknown,
 )
@@ -104,15 +105,21 @@ def lens_of_doubted_camera(misfit: Misfit) -> list[ProjectWarning]:
                 continue
             if is_better(tried, without, 0.0) if without is not None else is_accused:
                 return hypothesis.findings(tried)
+        for hypothesis in other_principal_point(block, row) if is_accused else ():
+            tried = readjuster.adjust(hypothesis.block)
+            if tried is None or not (is_better(tried, misfit.solved) and is_good(fit_of_adjustment(tried))):
+                continue
+            if (without is None or is_better(tried, without, 0.0)) and (found := hypothesis.findings(tried)):
+                return found
     return []
 
 
 def camera_explains_more(solution: Solution, without: SolvedBlock, readjuster: Readjuster) -> bool:
-    """Tell whether a held camera that groups accuse costs less, if its C is free, than all does `without` something."""
+    """Tell whether a camera that groups accuse costs less, with C, DX and DY free, than all does `without` something."""
     block, accused = readjuster.block, {found.where for found in group_findings(solution)}
     for row, camera in enumerate(block.cameras):
         if f"camera {camera.name}" in accused and "C" not in camera.unknown:
-            free = readjuster.adjust_roughly(with_unknown(block, row, "C"))
+            free = readjuster.adjust_roughly(with_unknown(block, row, "C", "DX", "DY"))
             if free is not None and is_better(free, without, 0.0):
                 return True
     return False
