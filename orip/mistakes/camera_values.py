@@ -213,13 +213,14 @@ _SIGNIFICANT = 5.0
 
 def other_principal_point(block: Block, row: int) -> Iterator[Hypothesis]:
     """Yield the camera of one row with an unknown principal point."""
-    if not _is_unknown(block.cameras[row])[_PRINCIPAL_POINT].any():
-        yield Hypothesis(with_unknown(block, row, "DX", "DY"), partial(_of_point, row=row))
+    camera = block.cameras[row]
+    if not _is_unknown(camera)[_PRINCIPAL_POINT].any():
+        given = _values(camera)[_PRINCIPAL_POINT]
+        yield Hypothesis(with_unknown(block, row, "DX", "DY"), partial(_of_point, row=row, given=given))
 
 
-def _of_point(solved: SolvedBlock, row: int) -> list[ProjectWarning]:
-    camera = solved.block.cameras[row]
-    given, found = _values(camera)[_PRINCIPAL_POINT], solved.state.cameras[row, _PRINCIPAL_POINT]
+def _of_point(solved: SolvedBlock, row: int, given: FloatArray) -> list[ProjectWarning]:
+    camera, found = solved.block.cameras[row], solved.state.cameras[row, _PRINCIPAL_POINT]
     sd = _sd_of_parameters(solved, row, "DX", "DY")
     if not (np.abs(found - given) > _SIGNIFICANT * sd).any():
         return []
@@ -235,14 +236,17 @@ def _of_point(solved: SolvedBlock, row: int) -> list[ProjectWarning]:
 
 def unequal_axes(block: Block, row: int) -> Iterator[Hypothesis]:
     """Yield the camera of one row with an unknown scale of x against y, and of both."""
-    if "B1" not in block.cameras[row].unknown:
-        yield Hypothesis(with_unknown(block, row, "C", "B1"), partial(_of_axes, row=row))
+    camera, place = block.cameras[row], CAMERA_PARAMETERS.index("B1")
+    if "B1" not in camera.unknown:
+        yield Hypothesis(
+            with_unknown(block, row, "C", "B1"), partial(_of_axes, row=row, place=place, given=camera.parameters[place])
+        )
 
 
-def _of_axes(solved: SolvedBlock, row: int) -> list[ProjectWarning]:
-    camera, place = solved.block.cameras[row], CAMERA_PARAMETERS.index("B1")
+def _of_axes(solved: SolvedBlock, row: int, place: int, given: float) -> list[ProjectWarning]:
+    camera = solved.block.cameras[row]
     found, sd = float(solved.state.cameras[row, place]), float(_sd_of_parameters(solved, row, "B1")[0])
-    if abs(found - camera.parameters[place]) < _SIGNIFICANT * sd:
+    if abs(found - given) < _SIGNIFICANT * sd:
         return []
     text = (
         f"x is {1.0 + found:.5f} ± {sd:.1g} times as long as y in its photos: their sides, or those of the sensor or "

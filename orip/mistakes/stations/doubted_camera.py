@@ -115,7 +115,7 @@ def lens_of_doubted_camera(misfit: Misfit) -> list[ProjectWarning]:
 
 
 def camera_explains_more(solution: Solution, without: SolvedBlock, readjuster: Readjuster) -> bool:
-    """Tell whether a camera that groups accuse costs less, with C, DX and DY free, than all does `without` something."""
+    """Tell whether a camera that groups accuse costs less, with C, DX, DY free, than all does `without` something."""
     block, accused = readjuster.block, {found.where for found in group_findings(solution)}
     for row, camera in enumerate(block.cameras):
         if f"camera {camera.name}" in accused and "C" not in camera.unknown:
