@@ -15,7 +15,7 @@ from orip.files.height_raster import read_height_raster
 from orip.files.text.regular_file import is_there
 from orip.geometry.ground_crs import known_crs
 from orip.geometry.height_grid import surface_at
-from orip.planning.areas import checked_outline, read_outline
+from orip.planning.areas import checked_outline, read_outline, refuse_other_system
 from orip.planning.forecast import (
     Design,
     Forecast,
@@ -249,6 +249,7 @@ def outline_of(given: Given) -> FloatArray:
     is_line = settings.corridor > 0.0
     if settings.corners is not None:
         outline, shown = np.array(settings.corners, dtype=np.float64), f"{_TOML}: corners of [plan]"
+        refuse_other_system(outline, project.definition.crs, shown)
     else:
         path = project.folder / settings.area
         shown = project.shown(path)
