@@ -249,12 +249,14 @@ def outline_of(given: Given) -> FloatArray:
     is_line = settings.corridor > 0.0
     if settings.corners is not None:
         outline, shown = np.array(settings.corners, dtype=np.float64), f"{_TOML}: corners of [plan]"
-        refuse_other_system(outline, project.definition.crs, shown)
     else:
         path = project.folder / settings.area
         shown = project.shown(path)
         outline = read_outline(path, shown, project.definition.crs, is_line=is_line)
-    return checked_outline(outline, shown, is_line=is_line)
+    outline = checked_outline(outline, shown, is_line=is_line)
+    if settings.corners is not None:
+        refuse_other_system(outline, project.definition.crs, shown)
+    return outline
 
 
 def plan_text(plan: PlannedFlight) -> str:

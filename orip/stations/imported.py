@@ -27,7 +27,7 @@ from orip.stations.receiver_files import read_dji_mrk, read_rtklib_pos, read_sbe
 from orip.stations.table import read_station_table
 from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE
-from orip.wording import first_names
+from orip.wording import counted_names, first_names
 from orip.workflow.project.commit import Change
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.outputs import EditedText, digest_of_text
@@ -225,8 +225,8 @@ def written_stations(
     if photos and keys and len(photos) == len(stations):
         known = first_names(known_photos(state), 2)
         text = (
-            f"none of the photos {first_names(photos, 2)} is in the project, which has {known}: they are added to "
-            "orip.toml; if they are the same ones, remove them there, and rename them in the file"
+            f"{counted_names('photo', photos)} are not in the project, which has {known}: they are added to orip.toml; "
+            "if they are the same ones, remove them there, and rename them in the file"
         )
         warnings = (*warnings, ProjectWarning("new-photos", "", text))
     of_photos = (with_photos(project, photos, settings.camera),) if photos else ()

@@ -202,7 +202,7 @@ def test_stations_none_of_whose_photos_is_known_are_told(tmp_path: Path) -> None
     folder = copied(tmp_path / "drone", "DRONE.STA")
     (folder / "GPS.csv").write_text("photo,X,Y,Z\nIMG_1,561957.5,5934109.3,142\nIMG_2,561981.5,5934109.3,142\n")
     said = orip(folder, "stations", "import", "GPS.csv").err
-    assert "none of the photos IMG_1 and IMG_2 is in the project, which has DJI_0001, DJI_0002 and 58 more" in said
+    assert "photos IMG_1 and IMG_2 are not in the project, which has DJI_0001, DJI_0002 and 58 more" in said
 
 
 @pytest.mark.parametrize(

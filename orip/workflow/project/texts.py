@@ -287,7 +287,7 @@ def _of_whole_files(digests: Digests, outcomes: Sequence[Parsed[Any]]) -> Iterat
             )
             yield ProjectWarning("nothing-measured", shown, text)
         elif original != shown:
-            text = f"has the same as {original}, all of it is measured twice; remove one of the two files"
+            text = f"is the same as {original}: all of it is measured twice; remove one of the two files"
             yield ProjectWarning("same-measurements", shown, text)
 
 
