@@ -212,7 +212,7 @@ def _are_large(
     """Return which observations (c,) have residuals with which they may lose their weight."""
     size = np.abs(equations.residual[rows])
     least, most = thresholds.residuals(np.array([0.0, 1.0]), limit)
-    is_large = size > most
+    is_large = np.asarray(size > most)
     # in between it depends on the leverage
     places = np.flatnonzero((size > least) & ~is_large)
     for some in (places[first : first + _AT_ONCE] for first in range(0, len(places), _AT_ONCE)):
