@@ -137,7 +137,7 @@ def said_of_far_rays(project: ExchangedProject, found: Reprojection) -> list[str
     names = dict.fromkeys(project.points.names[point] for point in project.rays.point[far].tolist())
     photo = project.photos[int(project.rays.photo[far[0]])].name
     text = (
-        f"{len(far)} of {len(found.residuals)} measurements are more than {MOST_COARSE_PX:.0f} px off, in photo {photo} "
+        f"{len(far)} of {len(found.residuals)} measurements are {MOST_COARSE_PX:.0f} px off and more, in photo {photo} "
         f"first: {counted_names('point', list(names))}; check the names, and the order of column and row."
     )
     return [text]
