@@ -5,7 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 from support.rig_blocks import from_nothing, rig_block, without_common_view
 
-from orip.mistakes.rigs.contradicting_rigs import EXCHANGED_CAMERAS, MISREAD_MOUNTING, MOUNTING, _compared, _Found
+from orip.mistakes.rigs.compared_poses import FoundPoses
+from orip.mistakes.rigs.contradicting_rigs import EXCHANGED_CAMERAS, MISREAD_MOUNTING, MOUNTING, _compared
 from orip.records.rig import Mounting
 from orip.solving.solve import solve
 from orip.structs import replace
@@ -24,10 +25,13 @@ def _moved(pose, shift, turn):
     return pose[0] + shift, Rotation.from_rotvec(turn).as_matrix() @ pose[1]
 
 
+def _compared_with(said, found):
+    covariance = np.diag(np.tile([OFFSET_ERROR**2] * 3 + [TURN_ERROR**2] * 3, len(found)))
+    return list(_compared(said, FoundPoses(found, covariance), NAMES, "head", "m"))
+
+
 def _told(said, found):
-    covariance = np.diag([OFFSET_ERROR**2] * 3 + [TURN_ERROR**2] * 3)
-    of_found = _Found(found, dict.fromkeys(NAMES, covariance))
-    return [(warning.code, warning.where) for warning in _compared(said, of_found, NAMES, "head", "m")]
+    return [(warning.code, warning.where) for warning in _compared_with(said, found)]
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -51,8 +55,7 @@ def test_of_two_exchanged_cameras_the_inverse_mounting_is_named_too(seed):
     pose = _rig(np.random.default_rng(seed))[1]
     found = {0: (np.zeros(3), np.eye(3)), 1: pose}
     inverse = -pose[1].T @ pose[0], pose[1].T
-    covariance = np.diag([OFFSET_ERROR**2] * 3 + [TURN_ERROR**2] * 3)
-    (warning,) = _compared({**found, 1: inverse}, _Found(found, dict.fromkeys(found, covariance)), NAMES, "head", "m")
+    (warning,) = _compared_with({**found, 1: inverse}, found)
     assert warning.code == EXCHANGED_CAMERAS
     assert "; or camera B of rig head: offsets and rotations lead from the rig to the photo; write" in warning.text
 
@@ -93,9 +96,7 @@ def test_mountings_that_were_written_otherwise_are_named_with_what_to_write(what
     rotations = Rotation.from_euler("XYZ", rng.uniform(-60, 60, (len(NAMES), 3)), degrees=True).as_matrix()
     meant = {row: (rng.uniform(-0.5, 0.5, 3), rotations[row]) for row in NAMES} | {0: (np.zeros(3), np.eye(3))}
     said = meant | {row: WRITTEN[what](*meant[row]) for row in rows}
-    covariance = np.diag([OFFSET_ERROR**2] * 3 + [TURN_ERROR**2] * 3)
-    found = _Found(meant, dict.fromkeys(NAMES, covariance))
-    (warning,) = _compared(said, found, NAMES, "head", "m")
+    (warning,) = _compared_with(said, meant)
     assert (warning.code, warning.where) == (MISREAD_MOUNTING, "rig head")
     assert what in warning.text
     named = [NAMES[row] for row in rows]
