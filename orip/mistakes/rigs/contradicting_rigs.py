@@ -1,8 +1,9 @@
 """Rigs that photos contradict: a camera mounted elsewhere, two cameras exchanged, a photo of another instant.
 
-The block is adjusted with all photos on their own, from where it is; if they do not fit so, with unknown mountings from
-nothing. How each camera is mounted follows from the exposures, robustly; it is compared with what is given, and each
-photo with the others of its exposure.
+The block is adjusted with all photos on their own, and with all mountings as unknowns, from where it is, or from
+nothing where mountings lead astray. Mountings are compared with what is given once as good as one photo has them, and
+then with the covariance that the block gives them: a turn that no photo shows by itself is seen. The photos of an
+exposure are compared with each other where they do not fit a rig of any mountings.
 """
 
 from __future__ import annotations
@@ -131,12 +132,10 @@ def _cost(solved: SolvedBlock) -> float:
 def _unless_lens(
     found: list[ProjectWarning], mounted: SolvedBlock | None, block: Block, readjuster: Readjuster
 ) -> list[ProjectWarning]:
-    """Return the warnings about mountings, where what is held of the lenses of a rig does not explain the misfit.
+    """Return the warnings about mountings, where what is held of the lenses of rigs does not explain the misfit.
 
     A principal point that is wrong turns the photos of a camera nearly alike.
     """
-    if found[0].code != MOUNTING:
-        return found
     for row in np.unique(block.photo_camera[[one.photo for one in block.places_on_rigs().photos]]).tolist():
         block = with_unknown(block, row, *_OF_A_LENS)
     lenses = readjuster.adjust(block)
