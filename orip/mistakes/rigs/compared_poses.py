@@ -22,8 +22,9 @@ _LIMIT = 60.0
 """Fall of the square sum by a camera, six elements, from which it is no chance: 22 has a probability of 0.1 %, and
 correlations between photos may be neglected."""
 
-_ROUNDS = 4
-"""The body is moved so often: differences of degrees are not linear in its rotation."""
+_ROUNDS, _SETTLED = 4, 1e-6
+"""The body is moved so often, differences of degrees are not linear in its rotation; or until the square sum falls by
+no larger part."""
 
 
 class FoundPoses(NamedTuple):
@@ -71,34 +72,35 @@ def _compared(said: dict[int, Pose], found: FoundPoses, kept: Sequence[int]) -> 
     from orip.bundle.rigs.starting import robust_poses
 
     rows = list(found.poses)
-    columns = np.concatenate([6 * rows.index(row) + np.arange(6) for row in kept])
-    factor = np.linalg.cholesky(found.covariance[np.ix_(columns, columns)])
+    own = np.array([rows.index(row) for row in kept])
+    columns = (6 * own[:, None] + np.arange(6)).ravel()
+    whitening = np.linalg.inv(np.linalg.cholesky(found.covariance[np.ix_(columns, columns)]))
+    offsets, mountings = (np.array([said[row][part] for row in rows]) for part in (0, 1))
+    places, rotations = (np.array([found.poses[row][part] for row in rows]) for part in (0, 1))
     # the body where most of the cameras have it
-    turns = np.stack([found.poses[row][1] @ said[row][1].T for row in kept])
-    shifts = np.stack([found.poses[row][0] - turn @ said[row][0] for row, turn in zip(kept, turns, strict=True)])
-    places, rotations = robust_poses(shifts, turns, np.zeros(len(kept), dtype=np.int64), 1)
-    body, best = (places[0], rotations[0]), _Compared(np.inf, {})
+    turns = rotations @ np.swapaxes(mountings, 1, 2)
+    shifts = places - (turns @ offsets[:, :, None])[:, :, 0]
+    (shift,), (turn,) = robust_poses(shifts[own], turns[own], np.zeros(len(own), dtype=np.int64), 1)
+    square, best = np.inf, np.zeros((len(rows), 6))
     for _ in range(_ROUNDS):
-        found_apart = {row: _difference(said[row], found.poses[row], body) for row in said}
-        moved = np.linalg.solve(factor, np.concatenate([_by_motion(body[1] @ said[row][0]) for row in kept]))
-        apart = np.linalg.solve(factor, np.concatenate([found_apart[row] for row in kept]))
-        motion = np.linalg.lstsq(moved, apart, rcond=None)[0]
-        square = float(np.sum((apart - moved @ motion) ** 2))
-        body = body[0] + motion[:3], rotation_about_axes(motion[None, 3:])[0] @ body[1]
-        if square < best.square:
-            best = _Compared(square, {row: _difference(said[row], found.poses[row], body) for row in said})
-    return best
+        arms = offsets @ turn.T
+        vectors, _ = rotation_vectors_with_partials(rotations @ np.swapaxes(turn @ mountings, 1, 2))
+        apart = np.hstack([places - shift - arms, vectors])
+        moved = _by_motion(arms)
+        motion = np.linalg.lstsq(whitening @ moved[own].reshape(-1, 6), whitening @ apart[own].ravel(), rcond=None)[0]
+        rest = apart - moved @ motion
+        of_rest = float(np.sum((whitening @ rest[own].ravel()) ** 2))
+        is_settled = of_rest > (1.0 - _SETTLED) * square
+        if of_rest < square:
+            square, best = of_rest, rest
+        if is_settled:
+            break
+        shift, turn = shift + motion[:3], rotation_about_axes(motion[None, 3:])[0] @ turn
+    return _Compared(square, dict(zip(rows, best, strict=True)))
 
 
-def _by_motion(arm: FloatArray) -> FloatArray:
-    """Return the partials (6, 6) of place and rotation at the end of an arm by shift and rotation at its beginning."""
-    partials = np.eye(6)
-    partials[:3, 3:] = -cross_matrix(arm[None])[0]
+def _by_motion(arms: FloatArray) -> FloatArray:
+    """Return the partials (n, 6, 6) of place and rotation at the end of arms by those at their beginning."""
+    partials = np.tile(np.eye(6), (len(arms), 1, 1))
+    partials[:, :3, 3:] = -cross_matrix(arms)
     return partials
-
-
-def _difference(said: Pose, found: Pose, body: Pose) -> FloatArray:
-    """Return shift and rotation (6,) of a pose against where the body has it."""
-    place, rotation = body
-    turn = found[1] @ (rotation @ said[1]).T
-    return np.concatenate([found[0] - place - rotation @ said[0], rotation_vectors_with_partials(turn[None])[0][0]])

@@ -136,7 +136,7 @@ def _against_first(made, row):
     "what", ["a thousand times too large", "a thousand times too small", "from the rig to the photo; write rotation"]
 )
 def test_constant_mountings_written_otherwise_are_named_first_from_nothing(head, what):
-    block = _with_constant(rig_block(head, "written", points=150), WRITTEN[what])
+    block = _with_constant(rig_block(head, "written", points=80), WRITTEN[what])
     solution, _ = solve(block)
     code, where, text = solution.warnings[0]
     assert (code, where) == (MISREAD_MOUNTING, "rig HEAD")
@@ -187,7 +187,7 @@ def test_square_sum_of_correlated_poses_is_as_large_as_chance_makes_it():
     said, count = _rig(rng), 6 * len(NAMES)
     factor = rng.normal(size=(count, count)) * np.tile([OFFSET_ERROR] * 3 + [TURN_ERROR] * 3, len(NAMES))[:, None] / 5.0
     covariance, sums = factor @ factor.T, []
-    for _ in range(200):
+    for _ in range(60):
         errors = (factor @ rng.normal(size=count)).reshape(-1, 6)
         found = {row: _moved(pose, errors[row, :3], errors[row, 3:]) for row, pose in said.items()}
         sums.append(square_sum(said, FoundPoses(found, covariance)))
@@ -198,7 +198,7 @@ def test_square_sum_of_correlated_poses_is_as_large_as_chance_makes_it():
 
 @pytest.mark.parametrize("head", ["stereo", "three"])
 def test_right_constant_mountings_have_no_warning(head):
-    solution, _ = solve(_with_constant(rig_block(head, "written", points=150), lambda o, m: (o, m)))
+    solution, _ = solve(_with_constant(rig_block(head, "written", points=80), lambda o, m: (o, m)))
     assert not solution.warnings
 
 
