@@ -20,9 +20,8 @@ from orip.adjustment.convergence import (
     weights_are_steady,
 )
 from orip.adjustment.equations import Equations, Layout, Linearised, Problem, StateT
-from orip.adjustment.formed_normals import FormedNormals, will_do
 from orip.adjustment.improvement import judged_attempt, next_attempt
-from orip.adjustment.iteration_state import IterationRecord, IterationSettings, IterationState
+from orip.adjustment.iteration_state import FormedNormals, IterationRecord, IterationSettings, IterationState, will_do
 from orip.adjustment.normals import SolvedNormals, solve_normals
 from orip.adjustment.precision import cofactors
 from orip.adjustment.step_control import StepControl, judged_residuals, with_blocks_fitted

@@ -354,7 +354,7 @@ def block_warnings(block: Block, control: Control) -> tuple[ProjectWarning, ...]
         All control of the project, even what the block does not use.
     """
     # measurements are checked without these
-    from orip.bundle.figures import left_out_figures
+    from orip.bundle.starting_state import left_out_figures
     from orip.mistakes.control.free_network import distances_along_no_axes, observations_without_weight
     from orip.mistakes.stations.strips import missing_strips
 

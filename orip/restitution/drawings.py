@@ -11,7 +11,7 @@ from orip.arrays import FloatArray
 from orip.files.maps.geopackage import geopackage
 from orip.files.maps.layers import Shapes, collection, drawing, drawn_features, labelled_point, polyline
 from orip.geometry.other_crs import to_wgs84
-from orip.records.stereo import FeatureKind
+from orip.records.measurement import FeatureKind
 from orip.restitution.feature import Feature
 
 _TEXT_OF_EXTENT = 0.005

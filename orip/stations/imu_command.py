@@ -13,7 +13,7 @@ from msgspec.structs import asdict
 from orip.cli.options import DryRunOption, Invocation, add_group, command
 from orip.cli.terminal import warning_rows
 from orip.errors import UsageError
-from orip.stations.imu_form import FormOptions, form_of, numbers_of, three_numbers
+from orip.stations.imu_noise_command import FormOptions, form_of, numbers_of, three_numbers
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

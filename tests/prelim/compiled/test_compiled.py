@@ -17,8 +17,7 @@ from orip.prelim.rays import ImageRays
 from orip.prelim.relative.orientation import orient_pair
 from orip.prelim.relative.solution import Pairs, PairSolution, solve
 from orip.prelim.resection.resection import Resected, resect
-from orip.prelim.similarity.adjustment import ALL_UNKNOWNS, NO_ROTATION, adjust_similarity
-from orip.prelim.similarity.common_points import CommonPoints
+from orip.prelim.similarity.adjustment import ALL_UNKNOWNS, NO_ROTATION, CommonPoints, adjust_similarity
 from orip.prelim.similarity.start import start_from_triples
 from orip.records.preliminary import RelativeOrientation
 
