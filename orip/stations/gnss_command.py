@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from orip.arrays import FloatArray
     from orip.stations.gnss.processing import GnssResult
-    from orip.stations.gnss.satellites import SatelliteUse
+    from orip.stations.gnss.solution import SatelliteUse
 
 _LEAST_DEVIATION = 1e-4
 _WAYS: dict[str, Way] = {"static": "static", "kinematic": "kinematic", "epochs": "epochs"}

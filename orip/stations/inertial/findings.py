@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from orip.arrays import FloatArray
 from orip.errors import ProjectWarning
-from orip.stations.gnss.calendar import moment
+from orip.stations.gnss.raw_files import moment
 from orip.stations.inertial.common_errors import common_errors, said_of_common_errors
 from orip.stations.inertial.filter import KNOWN_ATTITUDE, Filtered
 from orip.stations.inertial.mistaken_axes import mistaken

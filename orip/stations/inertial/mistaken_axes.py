@@ -14,7 +14,7 @@ from msgspec import Struct
 from scipy.spatial.transform import Rotation
 
 from orip.arrays import FloatArray
-from orip.stations.gnss.calendar import moment
+from orip.stations.gnss.raw_files import moment
 from orip.stations.inertial.alignment import velocities_of
 from orip.stations.inertial.samples import ImuSamples, Observed
 

@@ -17,13 +17,12 @@ from msgspec.structs import astuple
 from scipy.stats import chi2
 
 from orip.arrays import FloatArray, IntArray
-from orip.stations.inertial.alignment import align
+from orip.stations.inertial.alignment import align, stands_at
 from orip.stations.inertial.common_errors import velocity_delay
 from orip.stations.inertial.filter import Filtered, filtered_values, run_filter
 from orip.stations.inertial.graph import Factors, Graph
 from orip.stations.inertial.samples import Fixes, ImuNoise, Observed
 from orip.stations.inertial.solution import Solved
-from orip.stations.inertial.standing import stands_at
 
 _LEAST_REDUNDANCY, _CHANCE = 20.0, 0.001
 """Of a group whose factor is estimated; with less, it is where vPv is that improbable by what was given."""
