@@ -14,10 +14,9 @@ from typing import Any, Generic, NamedTuple
 import numpy as np
 from msgspec import Struct
 
-from orip.adjustment.convergence import Acceleration
+from orip.adjustment.convergence import Acceleration, StepControl
 from orip.adjustment.equations import Equations, Layout, Linearised, StateT
 from orip.adjustment.normals import SolvedNormals
-from orip.adjustment.step_control import StepControl
 from orip.adjustment.weights import LEAST_WEIGHT, Weighing
 from orip.arrays import FloatArray, IntArray
 from orip.structs import replace

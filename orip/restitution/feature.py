@@ -14,8 +14,7 @@ from msgspec import Struct
 from orip.arrays import FloatArray
 from orip.errors import Complaint
 from orip.files.log.stereo import lines_by_feature, read_header, repeated_features
-from orip.files.maps.geopackage import geopackage
-from orip.files.maps.layers import Shapes, collection, drawing, drawn_features, labelled_point, polyline
+from orip.files.maps.layers import Shapes, collection, drawing, drawn_features, geopackage, labelled_point, polyline
 from orip.files.text.lines import FieldReader, field_lines, read_lines
 from orip.files.text.shown import Parsed
 from orip.geometry.other_crs import to_wgs84

@@ -106,7 +106,7 @@ def register_positions(group: typer.Typer) -> None:
         """
         from orip.files.text.atomic import write_output
         from orip.stations.gnss.processing import GnssFiles, process_gnss
-        from orip.stations.own_outputs import require_solution
+        from orip.stations.in_project import require_solution
 
         folder = invocation.folder
         files = GnssFiles(

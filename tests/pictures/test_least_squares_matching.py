@@ -21,7 +21,7 @@ from orip.images.matching.patches import (
     sample_patches,
     spline_coefficients,
 )
-from orip.pictures.matching.windows import HALF, cut_windows, in_window
+from orip.pictures.matching.tracks import HALF, cut_windows, in_window
 from orip.structs import replace
 
 SIDE = 340

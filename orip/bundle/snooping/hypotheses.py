@@ -21,8 +21,6 @@ from orip.adjustment.outlier_tests import OutlierTest
 from orip.adjustment.residual_sums import TESTABLE, JointEffects, joint_effects
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.correlated_rows import CorrelatedRows
-from orip.bundle.kinds.additional_parameter import AdditionalParameterObservations
-from orip.bundle.kinds.antenna_parameter import AntennaParameterObservations
 from orip.bundle.kinds.control_point import ControlPointObservations
 from orip.bundle.kinds.direction import DirectionObservations
 from orip.bundle.kinds.element import ElementObservations
@@ -33,6 +31,7 @@ from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.kinds.station_attitude import AttitudeObservations
 from orip.bundle.kinds.station_difference import DifferenceObservations
 from orip.bundle.kinds.station_position import PositionObservations
+from orip.bundle.kinds.weighted_unknown import AdditionalParameterObservations, AntennaParameterObservations
 from orip.bundle.solve import SolvedBlock
 from orip.structs import replace
 

@@ -8,7 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from orip.errors import Complaint
-from orip.files.control.correlations import CORRELATION_KEYS, correlation_cells, read_covariance
+from orip.files.control.covariances_text import CORRELATION_KEYS, correlation_cells, read_covariance
 from orip.files.text.lines import FieldReader, TextLine, field_lines, read_lines
 from orip.files.text.shown import Parsed
 from orip.records.control import (
