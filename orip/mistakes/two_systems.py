@@ -30,6 +30,9 @@ GROUND_SYSTEM, IN_DEGREES = CODES = (
     ),
 )  # fmt: skip
 
+OUTSIDE_AREA = declare("crs-outside-area", comes_first=True)
+"""Of a block that lies far outside the area that its crs is made for; found where the crs is."""
+
 _FAR, _NEAR = 20.0, 3.0
 """Distances of control and photos, as parts of the larger extent of the two: what cannot be, and what is usual."""
 

@@ -8,6 +8,7 @@ parametrisation of the rotations is tested with them.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import cache, partial
 from itertools import pairwise
 
 import numpy as np
@@ -111,17 +112,6 @@ class Case(Struct, frozen=True):
 
     def __str__(self) -> str:
         return f"{self.of.removeprefix('orip.')}: {self.label}"
-
-
-def all_cases() -> list[Case]:
-    return [
-        *_perspective(), *_equidistant(), *_moving(), *_distortion(), *_additional(), *_ground_frame(),
-        *_plain_ground(), *_height_grid(),
-        *_similarity(), *_image_residuals(), *_image_equation(), *_bases(), *_rates(),
-        *_rotation_vectors(), *_shown_rotations(),
-        *_relative_poses(), *_rig_photos(), *_rigid_motions(),
-        *_parallaxes(), *_resection(), *_kinds(),
-    ]  # fmt: skip
 
 
 def full_name(function: object) -> str:
@@ -301,7 +291,7 @@ def _rigid_motions() -> Iterator[Case]:
     def value(x: np.ndarray) -> np.ndarray:
         return np.concatenate([x[:3] + rotation_about_axes(x[3:]) @ arm, x[3:]])
 
-    yield Case(full_name(_by_motion), str(arm), np.zeros(6), value, _by_motion(arm))
+    yield Case(full_name(_by_motion), str(arm), np.zeros(6), value, _by_motion(arm[None])[0])
 
 
 def _frame() -> GroundFrame:
@@ -862,29 +852,28 @@ def method_of(observations: Observations) -> str:
     return full_name(type(observations).linearise_with_partials)
 
 
-def _kinds() -> Iterator[Case]:
-    for label, block in blocks().items():
-        state = state_of(block)
-        unknowns, kinds = observations_of(block)
-        size = unknowns.layout.size
-        for observations in kinds:
-            found = observations.linearise_with_partials(state)
-            if not len(found.residual):
-                continue
-            _, (by_unknowns, columns) = partials_by_unknowns(observations, state, unknowns)
-            rows = np.broadcast_to(np.arange(len(columns))[:, None], columns.shape)
-            partials = np.zeros((len(columns), size))
-            free = columns != CONSTANT
-            np.add.at(partials, (rows[free], columns[free]), by_unknowns[free])
-            assert found.computable.all()
-            for part, move, rounding in _parts(block, observations):
-                yield Case(
-                    method_of(observations), f"{observations.rows.kind.name}, {label}", np.zeros(size),
-                    lambda x, of=observations, state=state, unknowns=unknowns, part=part: of.linearise_with_partials(
-                        state.moved(x, unknowns)
-                    ).residual[part],
-                    partials[part], move, rounding,
-                )  # fmt: skip
+def _kinds(label: str, block: Block) -> Iterator[Case]:
+    state = state_of(block)
+    unknowns, kinds = observations_of(block)
+    size = unknowns.layout.size
+    for observations in kinds:
+        found = observations.linearise_with_partials(state)
+        if not len(found.residual):
+            continue
+        _, (by_unknowns, columns) = partials_by_unknowns(observations, state, unknowns)
+        rows = np.broadcast_to(np.arange(len(columns))[:, None], columns.shape)
+        partials = np.zeros((len(columns), size))
+        free = columns != CONSTANT
+        np.add.at(partials, (rows[free], columns[free]), by_unknowns[free])
+        assert found.computable.all()
+        for part, move, rounding in _parts(block, observations):
+            yield Case(
+                method_of(observations), f"{observations.rows.kind.name}, {label}", np.zeros(size),
+                lambda x, of=observations, state=state, unknowns=unknowns, part=part: of.linearise_with_partials(
+                    state.moved(x, unknowns)
+                ).residual[part],
+                partials[part], move, rounding,
+            )  # fmt: skip
 
 
 def _parts(block: Block, observations: Observations) -> list[tuple[np.ndarray, float, float]]:
@@ -903,3 +892,26 @@ def _parts(block: Block, observations: Observations) -> list[tuple[np.ndarray, f
         return [(rows, 100.0, 0.0)]
     is_small = block.ground is PLAIN or kind in ("photo", "attitude", "constant attitude")
     return [(rows, 1e-3 if is_small else 0.1, 0.0)]
+
+
+GROUPS: dict[str, Callable[[], Iterator[Case]]] = {
+    **{
+        function.__name__: function
+        for function in (
+            _perspective, _equidistant, _moving, _distortion, _additional, _ground_frame, _plain_ground, _height_grid,
+            _similarity, _image_residuals, _image_equation, _bases, _rates, _rotation_vectors, _shown_rotations,
+            _relative_poses, _rig_photos, _rigid_motions, _parallaxes, _resection,
+        )
+    },
+    **{f"all kinds, {label}": partial(_kinds, label, block) for label, block in blocks().items()},
+}  # fmt: skip
+
+
+@cache
+def cases_of(group: str) -> tuple[Case, ...]:
+    """Return the cases of one of `GROUPS`, which are made when they are asked for first."""
+    return tuple(GROUPS[group]())
+
+
+def all_cases() -> list[Case]:
+    return [case for group in GROUPS for case in cases_of(group)]

@@ -39,7 +39,7 @@ NAMED = Named("imu", "pos", 0.0)
 
 @pytest.fixture(scope="module")
 def truth() -> Flight:
-    return flight(strips=2, straight=20.0)
+    return flight(strips=2, straight=20.0, rate=100.0)
 
 
 def solved(imu: ImuSamples, fixes: Fixes, noise: ImuNoise = MEMS, **given: object) -> Solved:

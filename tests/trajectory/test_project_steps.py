@@ -38,7 +38,7 @@ def text(arm: object = None) -> str:
 @pytest.fixture(scope="module")
 def computed(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("computed")
-    truth = flight(strips=1, straight=20.0)
+    truth = flight(strips=1, straight=20.0, rate=100.0)
     written(folder, truth, *observed(truth, MEMS, np.random.default_rng(4)))
     rows = "".join(f"P{row},{time + START:.4f}\n" for row, time in enumerate(np.arange(18.05, 40.0, 2.0)))
     (folder / "events.csv").write_text("photo,time\n" + rows)

@@ -7,7 +7,7 @@ photo with the others of its exposure.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -195,13 +195,14 @@ def _compared(
 
 def _read_otherwise(said: dict[int, Pose], found: _Found, names: dict[int, str], rig: str) -> Iterator[ProjectWarning]:
     """Yield as what the mountings of a rig were probably meant, if they are off and not so."""
-    off, size = _off(said, found), _size(said, found)
+    (size,) = _sizes([said], found)
     if size < _LEAST_FALL:
         return
-    readings = [(_size(meant.poses, found) / size, meant) for meant in other_mountings(said, list(off), names, rig)]
+    readings = list(other_mountings(said, list(_off(said, found)), names, rig))
+    left_by_each = (_sizes([meant.poses for meant in readings], found) / size).tolist()
     likely = [
         (left, meant)
-        for left, meant in sorted(readings, key=lambda reading: reading[0])
+        for left, meant in sorted(zip(left_by_each, readings, strict=True), key=lambda reading: reading[0])
         if left < _CERTAINLY
         or (left < _EXPLAINED and size * (1.0 - left) > _LEAST_FALL and not _off(meant.poses, found))
     ]
@@ -287,46 +288,51 @@ def _against_others(said: dict[int, Pose], found: _Found, others: list[int], row
     The others are put where they are by least squares.
     """
     others = [other for other in others if other != row]
+    differences, arms = (of[0, 0] for of in _differences([said], found.poses, others[:1], [*others, row]))
+    *by_motion, moved = _by_motion(arms)
     normals, right = np.zeros((6, 6)), np.zeros(6)
-    for other in others:
-        difference, arm = _difference(said, found.poses, others[0], other)
-        moved = _by_motion(arm)
-        weighted = moved.T @ np.linalg.pinv(found.covariances[other], hermitian=True)
-        normals += weighted @ moved
+    for other, partials, difference in zip(others, by_motion, differences[:-1], strict=True):
+        weighted = partials.T @ np.linalg.pinv(found.covariances[other], hermitian=True)
+        normals += weighted @ partials
         right += weighted @ difference
     cofactors = np.linalg.pinv(normals, hermitian=True)
-    difference, arm = _difference(said, found.poses, others[0], row)
-    moved = _by_motion(arm)
-    difference = difference - moved @ cofactors @ right
+    difference = differences[-1] - moved @ cofactors @ right
     covariance = found.covariances[row] + moved @ cofactors @ moved.T
     return difference, float(difference @ np.linalg.pinv(covariance, hermitian=True) @ difference)
 
 
-def _by_motion(arm: FloatArray) -> FloatArray:
-    """Return the partials (6, 6) of place and rotation at the end of an arm by shift and rotation at its beginning."""
-    partials = np.eye(6)
-    partials[:3, 3:] = -cross_matrix(arm[None])[0]
+def _by_motion(arms: FloatArray) -> FloatArray:
+    """Return the partials (n, 6, 6) of place and rotation at the end of arms by those at their beginning."""
+    partials = np.tile(np.eye(6), (len(arms), 1, 1))
+    partials[:, :3, 3:] = -cross_matrix(arms)
     return partials
 
 
-def _size(said: dict[int, Pose], found: _Found) -> float:
-    """Return the least sum of squares of differences, over their covariances, that an anchor leaves."""
-    sums = []
-    for anchor in said:
-        total = 0.0
-        for row in said:
-            difference, _ = _difference(said, found.poses, anchor, row)
-            covariance = found.covariances[row] + found.covariances[anchor]
-            total += float(difference @ np.linalg.pinv(covariance, hermitian=True) @ difference)
-        sums.append(total)
-    return min(sums)
+def _sizes(readings: Sequence[dict[int, Pose]], found: _Found) -> FloatArray:
+    """Return the least sum of squares of differences, over their covariances, that an anchor leaves in each reading."""
+    rows = list(found.poses)
+    covariances = np.array([found.covariances[row] for row in rows])
+    weights = np.linalg.pinv(covariances[:, None] + covariances, hermitian=True)
+    differences, _ = _differences(readings, found.poses, rows, rows)
+    weighted = (weights @ differences[..., None])[..., 0]
+    return np.asarray((differences * weighted).sum(axis=(2, 3)).min(axis=1))
 
 
-def _difference(said: dict[int, Pose], found: dict[int, Pose], anchor: int, row: int) -> tuple[FloatArray, FloatArray]:
-    """Return shift and rotation (6,) of a pose against where an anchor has it, and the arm (3,) from the anchor."""
-    (offset, mounting), (place, rotation) = said[anchor], found[anchor]
-    to_found = rotation @ mounting.T
-    arm = to_found @ (said[row][0] - offset)
-    turn = found[row][1] @ (to_found @ said[row][1]).T
-    vector = rotation_vectors_with_partials(turn[None])[0][0]
-    return np.concatenate([found[row][0] - place - arm, vector]), arm
+def _differences(
+    readings: Sequence[dict[int, Pose]], found: dict[int, Pose], anchors: Sequence[int], rows: Sequence[int]
+) -> tuple[FloatArray, FloatArray]:
+    """Return shifts and rotations (m, a, n, 6) of n poses, in m readings, against where a anchors have them.
+
+    Also the arms (m, a, n, 3) from the anchors.
+    """
+    offset, mounting = (np.array([[said[row][part] for row in rows] for said in readings])[:, None] for part in (0, 1))
+    origin, axes = (
+        np.array([[said[row][part] for row in anchors] for said in readings])[:, :, None] for part in (0, 1)
+    )
+    place, rotation = (np.array([found[row][part] for row in rows]) for part in (0, 1))
+    anchor, turned = (np.array([found[row][part] for row in anchors])[:, None] for part in (0, 1))
+    to_found = turned @ np.swapaxes(axes, -1, -2)
+    arms = (to_found @ (offset - origin)[..., None])[..., 0]
+    turns = rotation @ np.swapaxes(to_found @ mounting, -1, -2)
+    vectors, _ = rotation_vectors_with_partials(turns)
+    return np.concatenate([place - anchor - arms, vectors], axis=-1), arms

@@ -127,7 +127,7 @@ def _against_first(made, row):
 @pytest.mark.parametrize("head", ["stereo", "three", "penta"])
 @pytest.mark.parametrize("what", ["a thousand times too large", "from the rig to the photo; write rotation"])
 def test_constant_mountings_written_otherwise_are_named_first_from_nothing(head, what):
-    block = _with_constant(rig_block(head, "written", points=150), WRITTEN[what])
+    block = _with_constant(rig_block(head, "written", points=80), WRITTEN[what])
     solution, _ = solve(block)
     code, where, text = solution.warnings[0]
     assert (code, where) == (MISREAD_MOUNTING, "rig HEAD")
@@ -144,7 +144,7 @@ def test_cameras_without_common_view_are_compared_with_the_rig_that_ties_them():
 
 @pytest.mark.parametrize("head", ["stereo", "three"])
 def test_right_constant_mountings_have_no_warning(head):
-    solution, _ = solve(_with_constant(rig_block(head, "written", points=150), lambda o, m: (o, m)))
+    solution, _ = solve(_with_constant(rig_block(head, "written", points=80), lambda o, m: (o, m)))
     assert not solution.warnings
 
 
