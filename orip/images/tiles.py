@@ -199,7 +199,6 @@ class TileStore:
 
         Parameters
         ----------
-        image : StoredImage
         rows, columns : slice
             Within the image.
         """

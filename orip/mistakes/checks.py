@@ -296,8 +296,6 @@ def measurement_warnings(
 
     Parameters
     ----------
-    definitions : Definitions
-    measured : Measured
     interior : Interior
         Orientations from those marks.
     """
@@ -349,7 +347,6 @@ def block_warnings(block: Block, control: Control) -> tuple[ProjectWarning, ...]
 
     Parameters
     ----------
-    block : Block
     control : Control
         All control of the project, even what the block does not use.
     """

@@ -92,14 +92,12 @@ def hypotheses_of_misfit(
 
     Parameters
     ----------
-    solution : Solution
     solved : SolvedBlock
         The adjustment that it comes from.
     given : Fit
         How its observations fit.
     started : Block
         The block with its starting values.
-    readjuster : Readjuster
     """
     block = readjuster.block
     # cameras and directions hardly influence the preliminary orientations: those found before are used again
@@ -142,7 +140,6 @@ def hypotheses_of_failure(
 
     Parameters
     ----------
-    readjuster : Readjuster
     not_oriented : sequence of str
         Photos for which no preliminary orientation was found.
     rest : SolvedBlock or None

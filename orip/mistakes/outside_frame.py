@@ -61,7 +61,6 @@ def points_outside_frames(
 
     Parameters
     ----------
-    definitions : Definitions
     observations : PhotoObservations
         Of one bundle.
     to_photo : mapping by `record_key` of the photo

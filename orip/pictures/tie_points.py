@@ -155,11 +155,8 @@ def find_tie_points(
 
     Parameters
     ----------
-    pictures : sequence of Picture
     features : sequence of Features
         Of `features_of`.
-    settings : TieSettings
-    cache : MatchingCache
     pace : Pace
         Is told how long pairs take.
     """

@@ -148,12 +148,10 @@ def rectified_tile(
 
     Parameters
     ----------
-    store : TileStore
     plate : Plate
         With the image.
     size : tuple of 2 int
         Columns and rows of the rectified photo.
-    name : TileName
     pixels : function of an array (n, 2)
         From columns and rows of the rectified photo to those of the image; NaN where it shows nothing.
 

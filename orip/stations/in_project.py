@@ -79,7 +79,6 @@ def stations_in_project(
 
     Parameters
     ----------
-    exposures : Exposures
     crs : str or None
         The project's.
     ground_unit : str

@@ -156,7 +156,6 @@ def sample_patches(
         From the patch to pixels.
     centre : ndarray (r, 2)
         Column and row of the patch's middle in the window.
-    grid : PatchGrid
     """
     columns = centre[:, :1] + affine[:, 0, :1] * grid.u + affine[:, 0, 1:] * grid.v
     rows = centre[:, 1:] + affine[:, 1, :1] * grid.u + affine[:, 1, 1:] * grid.v
@@ -191,7 +190,6 @@ def mean_patch(sampled: Sampled, share: NDArray[np.float32], point: NDArray[np.i
 
     Parameters
     ----------
-    sampled : Sampled
     share : ndarray (r,)
         Weights of the rays in the mean.
     point : ndarray (r,)

@@ -30,7 +30,6 @@ def points_in_another_unit(
 
     Parameters
     ----------
-    definitions : Definitions
     observations : PhotoObservations
         Of one bundle.
     to_photo : mapping by `record_key` of the photo

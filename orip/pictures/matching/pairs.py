@@ -33,7 +33,6 @@ def likely_pairs(features: Sequence[Features], most: int) -> list[tuple[int, int
 
     Parameters
     ----------
-    features : sequence of Features
     most : int
         Photos that each is paired with, at least.
     """
@@ -129,10 +128,6 @@ def promising_pairs(features: Sequence[Features]) -> list[tuple[int, int]]:
 
     Every photo has its best twelve partners among them: photos with little in common are not lost. Of many photos only
     those pairs are examined that retrieval takes for likely.
-
-    Parameters
-    ----------
-    features : sequence of Features
     """
     every = list(combinations(range(len(features)), 2))
     if len(features) <= ALL_UP_TO:
@@ -192,7 +187,6 @@ def verified_matches(
 
     Parameters
     ----------
-    one, other : Features
     matches : ndarray (n, 2)
     views : tuple of 2 View
     """

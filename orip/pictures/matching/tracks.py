@@ -102,7 +102,6 @@ def select_tracks(
 
     Parameters
     ----------
-    tracks : Tracks
     place : ndarray (r, 2)
         Of the rays, pixels.
     error : ndarray (r,)

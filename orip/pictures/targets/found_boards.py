@@ -29,7 +29,6 @@ def find_board(grey: Any, board: Board) -> FoundTargets:
     Parameters
     ----------
     grey : array (rows, columns) of uint8 or uint16
-    board : Board
 
     Returns
     -------

@@ -61,7 +61,6 @@ def sheet_of(names: Sequence[str], xyz: FloatArray, codes: Mapping[str, int], ra
 
     Parameters
     ----------
-    names : sequence of str
     xyz : array (n, 3)
     codes : mapping of name to int
     radius : float, optional
@@ -88,7 +87,6 @@ def find_sheet(grey: Any, sheet: Sheet) -> FoundTargets:
     ----------
     grey : array (rows, columns) of uint8 or uint16
         Of colour pictures best one band: lateral colour of the lens moves the edges of each band differently.
-    sheet : Sheet
 
     Returns
     -------

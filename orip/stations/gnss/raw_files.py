@@ -134,7 +134,6 @@ def rinex_of_log(data: bytes, log: Log, kind: str, near: float | None, shown: st
 
     Parameters
     ----------
-    data : bytes
     log : {"ubx", "rtcm3"}
     kind : {"O", "N"}
     near : float or None

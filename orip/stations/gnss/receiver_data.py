@@ -96,8 +96,6 @@ def read_receiver_file(
 
     Parameters
     ----------
-    path : Path
-    shown : str
     kind : {"O", "N"}
         What is wanted of a log that has observations and orbits.
     near : float, optional

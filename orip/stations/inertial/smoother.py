@@ -118,7 +118,6 @@ def smooth(observed: Observed, wanted: FloatArray | None = None, *, estimates_no
 
     Parameters
     ----------
-    observed : Observed
     wanted : array (w,), optional
         Times that have states of their own, such as those of exposures.
     estimates_noise : bool
@@ -159,7 +158,6 @@ def state_times(fixes: Fixes, wanted: FloatArray) -> tuple[FloatArray, IntArray]
 
     Parameters
     ----------
-    fixes : Fixes
     wanted : array (w,)
         Further times, such as those of exposures; those outside of the fixes are left out.
     """

@@ -75,7 +75,6 @@ def measure_on_top(state: ProjectState, files: Sequence[Path]) -> Change[Measure
     ----------
     state : ProjectState
         With `MEASURED_ON_TOP`.
-    files : sequence of Path
 
     Raises
     ------
