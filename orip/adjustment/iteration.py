@@ -109,10 +109,6 @@ def adjust(
         Called with the record of each iteration.
     stop_asked : callable
         Asked after each iteration; True ends the iterations with the current state.
-
-    Returns
-    -------
-    Adjustment
     """
     now = _initial(problem, start, settings)
     reason: TerminationReason | None = None

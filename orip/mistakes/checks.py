@@ -13,11 +13,15 @@ from orip.interior.mounting import frame_corners
 from orip.mistakes.camera_values import is_possible_view
 from orip.mistakes.marks.all_films import MARKS_GIVEN_WRONG, marks_of_all_films
 from orip.mistakes.marks.misnamed import misnamed_marks
-from orip.mistakes.marks.points import points_in_another_unit
 from orip.mistakes.mistake import OTHER_FRAME, declare
 from orip.mistakes.names import figures_told, name_warnings, photos_under_two_names
 from orip.mistakes.other_units import millimetres_per_unit
-from orip.mistakes.outside_frame import TURNED_SENSOR, exchanged_templates, points_outside_frames
+from orip.mistakes.outside_frame import (
+    TURNED_SENSOR,
+    exchanged_templates,
+    points_in_another_unit,
+    points_outside_frames,
+)
 from orip.mistakes.photo_coordinates import coordinates_in_other_units, find_reduced_pictures
 from orip.mistakes.stations.errors_too_small import errors_too_small
 from orip.records.block import Block

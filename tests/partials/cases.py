@@ -32,8 +32,7 @@ from orip.geometry.ground_frame import GroundFrame, ground_frame
 from orip.geometry.height_grid import _weights
 from orip.geometry.perspective import perspective_with_partials
 from orip.geometry.projection import projected_with_partials
-from orip.geometry.rig import photos_with_partials
-from orip.geometry.rolling_shutter import Motion, moving_image_with_partials
+from orip.geometry.rolling_shutter import Motion, moving_image_with_partials, photos_with_partials
 from orip.geometry.rotation import (
     angle_rates_from_axes_rotation,
     angles_from_rotation,

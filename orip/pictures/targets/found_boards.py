@@ -13,9 +13,8 @@ from orip.pictures.targets.boards import Board, board_points, dictionary_of, dot
 from orip.pictures.targets.coded_dots import FAMILIES, find_coded
 from orip.pictures.targets.corners import measure_crossing, measure_tag
 from orip.pictures.targets.dots import Dot, as_bytes, find_dots
-from orip.pictures.targets.marks import FoundTargets, Mark, Rejected
+from orip.pictures.targets.marks import FoundTargets, Mark, Rejected, opencv
 from orip.pictures.targets.neighbours import affinity, consistent, eccentricity, smallest_scale
-from orip.pictures.targets.packages import opencv
 
 _GAP = 40.0
 _LARGEST_DRAWING = 30_000_000
