@@ -6,7 +6,7 @@ import pytest
 from support.prelim_references import intersection as intersections
 from support.prelim_references import relative, resection, similarity
 
-from orip.prelim import growing_block, intersection
+from orip.prelim import growing_block, rays
 from orip.prelim.relative import given_scale, orientation, solution
 from orip.prelim.resection import resection as photo
 from orip.prelim.resection import start
@@ -19,8 +19,8 @@ REFERENCES = (
     (given_scale, "_adjusted", relative._adjusted),
     (given_scale, "_at_scale", relative._at_scale),
     (growing_block, "_residual_lengths", intersections._residual_lengths),
-    (intersection, "_intersected", intersections._intersected),
-    (intersection, "_with_consensus", intersections._with_consensus),
+    (rays, "_intersected", intersections._intersected),
+    (rays, "_with_consensus", intersections._with_consensus),
     (joining, "_found", lambda source, target, names: joining._Joint(source, target, names).found()),
     (orientation, "_counts", relative._counts),
     (partial_blocks, "_assembled", similarity._assembled),

@@ -33,7 +33,7 @@ from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.run_id import changed_inputs
-from orip.workflow.steps import inputs_now
+from orip.workflow.status import inputs_now
 
 
 class PlacesAtSolution(Mapping[str, FloatArray]):

@@ -12,8 +12,7 @@ from compiled_cases import BLUNDERS, common_pairs, common_points, scene, synthet
 
 from orip.geometry.similarity import Similarity
 from orip.prelim import compiled
-from orip.prelim.intersection import intersect
-from orip.prelim.rays import ImageRays
+from orip.prelim.rays import ImageRays, intersect
 from orip.prelim.relative.orientation import orient_pair
 from orip.prelim.relative.solution import Pairs, PairSolution, solve
 from orip.prelim.resection.resection import Resected, resect

@@ -20,7 +20,7 @@ from orip.geometry.similarity import Similarity
 from orip.geometry.stereo import TwoPhotos
 from orip.prelim.compiled import is_compiled, kernels
 from orip.prelim.growing_block import GrowingBlock, residual_lengths
-from orip.prelim.intersection import intersect, with_consensus
+from orip.prelim.rays import intersect, with_consensus
 from orip.prelim.refinement import no_corrections, refine
 from orip.prelim.relative.given_scale import adjusted_at_scale, at_scale
 from orip.prelim.relative.orientation import common_point_counts
