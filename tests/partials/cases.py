@@ -55,7 +55,7 @@ from orip.interior.distortion import (
     lens_distortion_with_partials,
 )
 from orip.interior.image_coordinates import SetValues, image_residuals_with_partials
-from orip.mistakes.rigs.contradicting_rigs import _by_motion
+from orip.mistakes.rigs.compared_poses import _by_motion
 from orip.multimodel.photo_loop import camera_model
 from orip.prelim.relative.solution import Pairs
 from orip.records.block import Block, TheodoliteSet
