@@ -25,7 +25,7 @@ from orip.bundle.results.covariance import (
 from orip.bundle.results.reliability import reliability_of
 from orip.bundle.snooping.search import SnoopingSettings
 from orip.bundle.solve import SolvedBlock
-from orip.errors import InputError, UsageError
+from orip.errors import InputError, UnknownNameError, UsageError
 from orip.files.listings.bundle_estimates import (
     camera_lines,
     figure_lines,
@@ -152,6 +152,8 @@ def _rows(known: Sequence[str], what: str, names: Sequence[str]) -> list[int]:
     key = record_key if what in ("cameras", "photos") else str
     place = {key(name): row for row, name in enumerate(known)}
     missing = [name for name in names if key(name) not in place]
+    if len(missing) == 1:
+        raise UnknownNameError(missing[0], what[:-1], known)
     if missing:
         message = f"the solution has no {what[:-1]} {', '.join(missing)}; 'orip results {what}' shows all"
         raise UsageError(message)
