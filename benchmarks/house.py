@@ -2,7 +2,8 @@
 
     python benchmarks/house.py
 
-Counts what there is, and how many files lie between a command and a formula.
+Counts what there is, how many files a reader of README.md opens to find a formula, and how many modules lie between a
+command and that formula.
 """
 
 from __future__ import annotations
@@ -28,11 +29,13 @@ WAYS: Mapping[str, tuple[str, str, int]] = {
     "covariance": ("orip.cli.results", "orip.bundle.results.covariance:cofactors_times", 2),
     "COLMAP camera": ("orip.exchange.commands", "orip.exchange.conversion.lens_table:LENSES", 3),
 }
-"""From a command to a formula, and the most files that may be opened on the way, that of the formula included."""
+"""From a command to a formula, and the most files that a reader may open to find it, that of the formula included."""
+
+LINK = re.compile(r"\]\(([^)#\s:]+)(?:#[^)]*)?\)")
 
 
 class Row(Struct, frozen=True):
-    """A figure, and what it may be."""
+    """A figure, and what it may be; empty: it is only told."""
 
     what: str
     found: object
@@ -81,13 +84,23 @@ def arrows(graph: Mapping[str, set[str]]) -> tuple[int, int]:
     return up, sum("kernel" not in (one, other) and one != other for one, other in pairs)
 
 
+def links() -> dict[str, set[str]]:
+    """Return README.md and the pages of docs with the files that they link to, by their paths in the repository."""
+    found: dict[str, set[str]] = {}
+    for page in (REPOSITORY / "README.md", *(REPOSITORY / "docs").rglob("*.md")):
+        targets = {(page.parent / target).resolve() for target in LINK.findall(page.read_text(encoding="utf-8"))}
+        inside = {one for one in targets if one.is_file() and one.is_relative_to(REPOSITORY)}
+        found[page.relative_to(REPOSITORY).as_posix()] = {one.relative_to(REPOSITORY).as_posix() for one in inside}
+    return found
+
+
 def shortest_way(graph: Mapping[str, set[str]], start: str, end: str) -> list[str]:
-    """Return the modules on the shortest way along imports; empty if there is none."""
+    """Return the nodes on the shortest way along imports or links; empty if there is none."""
     before: dict[str, str | None] = {start: None}
     waiting = deque([start])
     while waiting and end not in before:
         name = waiting.popleft()
-        for further in sorted(graph[name]):
+        for further in sorted(graph.get(name, ())):
             if further not in before:
                 before[further] = name
                 waiting.append(further)
@@ -141,23 +154,25 @@ def counts() -> Iterator[Row]:
 
 
 def ways() -> Iterator[Row]:
-    """Yield how many files are opened from a command to a formula, along the imports.
+    """Yield what a reader opens to find a formula, and what lies between a command and it along imports.
 
     Raises
     ------
     ValueError
-        If a formula is not where `WAYS` has it, or no imports lead there.
+        If a formula is not where `WAYS` has it, or nothing leads there.
     """
-    graph = imports()
+    graph, pages = imports(), links()
     for what, (start, place, most) in WAYS.items():
         module, _, name = place.partition(":")
-        text = REPOSITORY.joinpath(*module.split(".")).with_suffix(".py").read_text(encoding="utf-8")
-        way = shortest_way(graph, start, module)
-        if not way or not re.search(rf"^(def |class )?{name}\b", text, flags=re.MULTILINE):
-            message = f"{what}: no way from {start} to {place}"
+        path = f"{module.replace('.', '/')}.py"
+        text = (REPOSITORY / path).read_text(encoding="utf-8")
+        read, run = shortest_way(pages, "README.md", path), shortest_way(graph, start, module)
+        if not read or not run or not re.search(rf"^(def |class )?{name}\b", text, flags=re.MULTILINE):
+            message = f"{what}: no way from README.md and {start} to {place}"
             raise ValueError(message)
-        names = " > ".join(one.removeprefix("orip.") for one in way)
-        yield Row(f"files from a command to: {what}", f"{len(way)} ({names})", str(most))
+        names = " > ".join(one.removeprefix("orip.") for one in run)
+        yield Row(f"files opened to find: {what}", f"{len(read)} ({' > '.join(read)})", str(most))
+        yield Row(f"modules from a command to: {what}", f"{len(run)} ({names})", "")
 
 
 def main() -> None:
@@ -165,7 +180,7 @@ def main() -> None:
     rows = [*counts(), *ways()]
     width = max(len(row.what) for row in rows)
     for row in rows:
-        print(f"{row.what:{width}}  {row.found}  (at most {row.may_be})")
+        print(f"{row.what:{width}}  {row.found}" + (f"  (at most {row.may_be})" if row.may_be else ""))
 
 
 if __name__ == "__main__":

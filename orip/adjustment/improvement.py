@@ -18,15 +18,14 @@ from orip.adjustment.equations import Equations, Linearised, OtherPlace, Problem
 from orip.adjustment.exchanges import (
     Exchange,
     are_few,
-    changed_weights,
     exchanges_to_try,
     lost_by_themselves,
-    relocations,
     wrong_by_themselves,
     wrong_one_by_one,
 )
 from orip.adjustment.iteration_state import Candidate, IterationSettings, IterationState, Tried
 from orip.adjustment.normals import SolvedNormals, solve_normals
+from orip.adjustment.relocations import changed_weights, relocations
 from orip.adjustment.sparse_rows import SparseRows
 from orip.adjustment.weight_changes import HIDDEN, LEAST_GAIN, are_many
 from orip.adjustment.weight_search import MOST_ROUNDS

@@ -176,7 +176,6 @@ def with_checks_used(sums: ResidualSums, checks: BoolArray, smoothed_checks: Flo
 
     Parameters
     ----------
-    sums : ResidualSums
     checks : array (k,) of bool
         The check observations, c of them.
     smoothed_checks : array (k, c)
@@ -305,6 +304,14 @@ class FactoredRows(Struct, frozen=True):
         of_points = (self.of_points @ self.of_points.T).toarray()
         return np.asarray(of_points + self.of_reduced.T @ self.of_reduced - self.bound @ self.bound.T)
 
+    def leverages(self) -> FloatArray:
+        """Return the diagonal (c,) of the cofactors."""
+        squares = [
+            np.einsum("ij,ij->j", self.of_reduced, self.of_reduced),
+            np.einsum("ij,ij->i", self.bound, self.bound),
+        ]
+        return np.asarray(self.of_points.multiply(self.of_points).sum(axis=1) + squares[0] - squares[1])
+
     def of(self, places: IntArray) -> FactoredRows:
         """Return some of the rows."""
         return FactoredRows(self.of_reduced[:, places], self.of_points[places], self.bound[places])
@@ -321,8 +328,6 @@ def factored_rows(
         At a solution.
     weights : array (n,)
         Weight factors of the normal equations; those of observations that are not in use do not count.
-    normals : SolvedNormals
-    layout : Layout
     rows : array (c,) of int
         Their numbers among all rows.
     """

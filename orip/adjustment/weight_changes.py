@@ -77,10 +77,19 @@ class LinearAdjustment(Struct, frozen=True):
 
     def residuals_with(self, weights: FloatArray) -> FloatArray:
         """Return the residuals (c,) with other weights (c,)."""
+        return self._with(weights)[0]
+
+    def cost_with(self, weights: FloatArray, limit: float) -> float:
+        """Return the robust cost with other weights (c,)."""
+        residual, square_sum = self._with(weights)
+        return float(_costs(weights[None], residual[None], np.array([square_sum]), limit)[0])
+
+    def _with(self, weights: FloatArray) -> tuple[FloatArray, float]:
+        """Return residuals and square sum with other weights (c,)."""
         places = np.flatnonzero(weights != self.weight)
-        columns = self.cofactor[:, places]
-        inner = np.diag(1.0 / (weights - self.weight)[places]) + columns[places]
-        return np.asarray(self.residual - columns @ np.linalg.solve(inner, self.residual[places]))
+        columns, residual = self.cofactor[:, places], self.residual[places]
+        pull = np.linalg.solve(np.diag(1.0 / (weights - self.weight)[places]) + columns[places], residual)
+        return np.asarray(self.residual - columns @ pull), self.square_sum + float(residual @ pull)
 
     def with_weights(self, weights: FloatArray) -> LinearAdjustment:
         """Return the adjustment with other weights (c,)."""
@@ -151,18 +160,8 @@ class Ways(Struct, frozen=True):
         )
 
     def costs(self, limit: float) -> FloatArray:
-        """Return the robust costs (s,): half the square sum where observations fit.
-
-        Infinite where the square sum has come to less than the part of some observations. The cofactors are those of
-        the iteration before: their small errors count more than all else where a residual of thousands of a-priori
-        errors is taken back.
-        """
-        above = (self.weight < 1.0) | (np.abs(self.residual) > limit)
-        ways, _ = np.nonzero(above)
-        residual = self.residual[above]
-        of_others = self.square_sum - np.bincount(ways, self.weight[above] * residual**2, len(self.square_sum))
-        costs = of_others / 2.0 + np.bincount(ways, danish_costs(np.abs(residual), limit), len(self.square_sum))
-        return np.where(of_others >= -LEAST_GAIN * limit**2, costs, np.inf)
+        """Return the robust costs (s,)."""
+        return _costs(self.weight, self.residual, self.square_sum, limit)
 
     def gains(self, limit: float) -> tuple[FloatArray, FloatArray]:
         """Return the change (s, c) of the cost by changing each observation, and the weights (s, c) that it has then.
@@ -199,6 +198,20 @@ class Ways(Struct, frozen=True):
             weight = np.where(moved > limit, np.exp(-moved / limit), 0.0)
         weights[places] = weight
         return weights
+
+
+def _costs(weight: FloatArray, residual: FloatArray, square_sum: FloatArray, limit: float) -> FloatArray:
+    """Return robust costs (s,) from weights and residuals (s, c) and square sums (s,): half the latter where these fit.
+
+    Infinite where the square sum has come to less than the part of some observations. The cofactors are those of the
+    iteration before: their small errors count more than all else where a residual of thousands of a-priori errors is
+    taken back.
+    """
+    ways, places = np.nonzero((weight < 1.0) | (np.abs(residual) > limit))
+    residual = residual[ways, places]
+    of_others = square_sum - np.bincount(ways, weight[ways, places] * residual**2, len(square_sum))
+    costs = of_others / 2.0 + np.bincount(ways, danish_costs(np.abs(residual), limit), len(square_sum))
+    return np.where(of_others >= -LEAST_GAIN * limit**2, costs, np.inf)
 
 
 def begun(start: LinearAdjustment, ways: int) -> Ways:

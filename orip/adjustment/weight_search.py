@@ -207,7 +207,6 @@ def weights_of_lower_cost(start: LinearAdjustment, limit: float, rounds: int = M
 
     Parameters
     ----------
-    start : LinearAdjustment
     limit : float
         Standard residual up to which an observation has full weight.
     rounds : int
@@ -330,7 +329,7 @@ def _settled(start: LinearAdjustment, end: _End, limit: float) -> _End:
         weight = np.where(size > limit, np.maximum(np.exp(-size / limit), _LEAST_WEIGHT), 1.0)
         if np.array_equal(weight < 1.0, start.weight < 1.0) or _has_broken_down(weight):
             return end
-    cost = float(begun(start.with_weights(weight), 1).costs(limit)[0])
+    cost = start.cost_with(weight, limit)
     return _End(cost, weight) if cost < end.cost else end
 
 

@@ -16,6 +16,7 @@ from orip.exchange.gis import READING as DRAWN
 from orip.exchange.gis import write_tables
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays, PhotoNames
 from orip.exchange.sources.text import GROUND_LENGTHS, Faults, Row, Table, read_table
+from orip.files.text.separated import EASTINGS, HEIGHTS, NAMES_OF_PHOTOS, NAMES_OF_POINTS, NORTHINGS
 from orip.files.text.shown import Parsed
 from orip.records.control import ControlPoint, Station
 from orip.records.exchanged import (
@@ -36,9 +37,7 @@ from orip.wording import counted
 READING = PoseReading("y_up", "to_ground", "omega_phi_kappa", "degree")
 MILLIMETRES = ImageAxes("mm", "frame_centre", "up")
 
-_NAME = "point name label id gcp target"
-_PHOTO = "photo image filename file imagename photoname"
-_X, _Y, _Z = "x easting east e", "y northing north n", "z height h elevation altitude"
+_GROUND = {"X": EASTINGS, "Y": NORTHINGS, "Z": HEIGHTS}
 _DEVIATIONS = {
     "sX": "sx ax sigmax stdx sde accuracyx",
     "sY": "sy ay sigmay stdy sdn accuracyy",
@@ -53,16 +52,19 @@ COLUMNS: Final[Mapping[str, Mapping[str, str]]] = MappingProxyType(
             "width": "width width_mm", "height": "height height_mm",
         },
         "photos": {
-            "photo": f"{_PHOTO} name label", "camera": "camera", "X0": "x0 x", "Y0": "y0 y", "Z0": "z0 z",
+            "photo": f"{NAMES_OF_PHOTOS} name label", "camera": "camera", "X0": "x0 x", "Y0": "y0 y", "Z0": "z0 z",
             "OMEGA": "omega", "PHI": "phi", "KAPPA": "kappa",
         },
         "observations": {
-            "photo": _PHOTO, "point": _NAME, "column": "column col x_px x u", "row": "row y_px y v", "x": "x_mm",
-            "y": "y_mm", "deviation": "s sigma deviation", "used": "used active",
+            "photo": NAMES_OF_PHOTOS, "point": NAMES_OF_POINTS, "column": "column col x_px x u", "row": "row y_px y v",
+            "x": "x_mm", "y": "y_mm", "deviation": "s sigma deviation", "used": "used active",
         },
-        "control": {"point": _NAME, "X": _X, "Y": _Y, "Z": _Z, **_DEVIATIONS, "kind": "kind type"},
-        "points": {"point": _NAME, "X": _X, "Y": _Y, "Z": _Z},
-        "stations": {"photo": f"{_PHOTO} name label", "X": f"{_X} x0", "Y": f"{_Y} y0", "Z": f"{_Z} z0", **_DEVIATIONS},
+        "control": {"point": NAMES_OF_POINTS, **_GROUND, **_DEVIATIONS, "kind": "kind type"},
+        "points": {"point": NAMES_OF_POINTS, **_GROUND},
+        "stations": {
+            "photo": f"{NAMES_OF_PHOTOS} name label",
+            "X": f"{EASTINGS} x0", "Y": f"{NORTHINGS} y0", "Z": f"{HEIGHTS} z0", **_DEVIATIONS,
+        },
     }
 )  # fmt: skip
 """Tables by the name of their file, without .csv; orip's names of their columns and those by which they are known."""

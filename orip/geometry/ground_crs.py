@@ -7,6 +7,8 @@ coordinates are longitude and latitude (radians, from the system's own prime mer
 
 from __future__ import annotations
 
+import re
+import textwrap
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -24,6 +26,10 @@ if TYPE_CHECKING:
 
 _SAME_UNIT = 1e-9
 """Relative difference of two units that are the same; foot and US survey foot differ by 2e-6."""
+
+_A_CODE = 'give the code of a projected system, such as "EPSG:25832", with heights "EPSG:25832+7837"'
+_LONGEST_AREA = 60
+"""Characters of a name of an area: PROJ lists all states in it."""
 
 OUTSIDE = 1.0
 """Degrees outside a system's area of use at which a warning is due; neighbouring zones are used across their edge."""
@@ -217,10 +223,11 @@ def known_crs(crs: str) -> pyproj.CRS:
     try:
         return CRS.from_user_input(crs)
     except CRSError as error:
-        message = (
-            f'crs "{crs}" is not known to PROJ ({error}); give the code of a projected system, such as "EPSG:25832", '
-            'with heights "EPSG:25832+7837"'
-        )
+        code = re.search(r"[1-9]\d{3,5}", crs)
+        meant = f'did you mean "EPSG:{code[0]}"?' if code and not crs.upper().startswith("EPSG:") else ""
+        unknown = re.search(r"crs not found: \w+:\w+", str(error))
+        reason = f" ({unknown[0]})" if unknown else ""
+        message = f'crs "{crs}" is not known to PROJ{reason}; {meant or _A_CODE}'
         raise InputError.single(message) from error
 
 
@@ -348,14 +355,25 @@ def _area_warnings(crs: GroundCrs, whole: pyproj.CRS, place: FloatArray) -> list
     longitude, latitude = degrees_at(crs, place)
     if area is None or outside_area(whole, longitude, latitude) <= OUTSIDE:
         return []
-    return [
-        ProjectWarning(
-            "crs-outside-area", f"crs {crs.shown}",
-            f"is made for {area.name or 'another area'} ({area.west}° to {area.east}° E, {area.south}° to "
-            f"{area.north}° N), but the middle of the block is at {longitude:.3f}° E {latitude:.3f}° N; check crs, and "
-            "that X is the easting and Y the northing",
-        )
-    ]  # fmt: skip
+    name = textwrap.shorten(area.name or "another area", _LONGEST_AREA, placeholder=" ...")
+    is_exchanged = outside_area(whole, latitude, longitude) <= OUTSIDE
+    remedy = (
+        "exchange longitude and latitude" if is_exchanged else "check crs, and that X is the easting and Y the northing"
+    )
+    text = (
+        f"is made for {name} ({_span(area.west, area.east, 'EW')}, {_span(area.south, area.north, 'NS')}), but the "
+        f"middle of the block is at {_side(longitude, 'EW', 3)} {_side(latitude, 'NS', 3)}; {remedy}"
+    )
+    return [ProjectWarning("crs-outside-area", f"crs {crs.shown}", text)]
+
+
+def _span(first: float, last: float, sides: str) -> str:
+    return f"{_side(first, sides, 1)} to {_side(last, sides, 1)}"
+
+
+def _side(degrees: float, sides: str, decimals: int) -> str:
+    """Return a longitude or latitude with the letter of its hemisphere."""
+    return f"{abs(degrees):.{decimals}f}° {sides[degrees < 0.0]}"
 
 
 def _with_heights(crs: GroundCrs, whole: pyproj.CRS, geodetic: pyproj.CRS, origin: FloatArray) -> GroundCrs:

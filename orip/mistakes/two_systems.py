@@ -9,7 +9,7 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.errors import ProjectWarning
-from orip.geometry.map_zones import readings_in_another_grid
+from orip.geometry.other_crs import readings_in_another_grid
 from orip.mistakes.mistake import STATIONS_OFF, Consequence, declare
 from orip.mistakes.other_units import LENGTH_UNITS
 from orip.records.control import Control
@@ -29,6 +29,9 @@ GROUND_SYSTEM, IN_DEGREES = CODES = (
         _OTHER_SIZES, explains_misfit=True, comes_first=True,
     ),
 )  # fmt: skip
+
+OUTSIDE_AREA = declare("crs-outside-area", comes_first=True)
+"""Of a block that lies far outside the area that its crs is made for; found where the crs is."""
 
 _FAR, _NEAR = 20.0, 3.0
 """Distances of control and photos, as parts of the larger extent of the two: what cannot be, and what is usual."""

@@ -18,6 +18,9 @@ from orip.geometry.other_crs import crs_from_geographic, geographic_from_crs
 _EARTH = 6.4e6
 """Metres of a radian on the ground, nearly."""
 
+_LEAST_AREA = 3.0
+"""Ground units; nobody flies over a smaller extent, and degrees of an area differ by less."""
+
 _SAME_PLACE = 1.0
 """Metres between a corner and what its longitude and latitude give back, where the system has such a place."""
 
@@ -55,7 +58,8 @@ def read_outline(path: Path, shown: str, crs: str | None, *, is_line: bool) -> F
     found = [shape.corners for shape in shapes if shape.is_area != is_line]
     if len(found) != 1:
         what = "line" if is_line else "area"
-        message = f"it has {len(found)} {what}s, a plan has one; leave one {what} in it, or give corners in [plan]"
+        number = f"{len(found)} {what}s, a plan has one; leave one {what} in it" if found else f"no {what}; draw one"
+        message = f"it has {number}, or give corners in [plan]"
         raise InputError.single(message, shown)
     corners = found[0]
     if is_own:
@@ -67,6 +71,38 @@ def read_outline(path: Path, shown: str, crs: str | None, *, is_line: bool) -> F
         )
         raise InputError.single(message, shown)
     return _in_project(corners, crs, shown)
+
+
+def refuse_other_system(corners: FloatArray, crs: str | None, shown: str) -> None:
+    """Raise an error of corners that are longitude and latitude, or have the northing before the easting.
+
+    Without a crs the latter cannot be told.
+
+    Parameters
+    ----------
+    corners : array (n, 2)
+        Given as those of the project's system.
+
+    Raises
+    ------
+    InputError
+    """
+    if (np.abs(corners) <= [360.0, 90.0]).all() and np.ptp(corners, axis=0).max(initial=0.0) < _LEAST_AREA:
+        message = (
+            "they seem to be longitude and latitude in degrees, as an area of a few ground units is not flown over; "
+            "give them in the project's coordinates, or as area = a GeoJSON or KML file, with a crs in [project]"
+        )
+        raise InputError.single(message, shown)
+    if crs is None:
+        return
+    x, y = np.mean(corners, axis=0)
+    whole = known_crs(crs)
+    places, _ = geographic_from_crs(np.array([[x, y, 0.0], [y, x, 0.0]]), crs, crs)
+    (longitude, latitude), exchanged = np.degrees(places[:, :2])
+    far = outside_area(whole, longitude, latitude)
+    if not far <= OUTSIDE and outside_area(whole, *exchanged) <= OUTSIDE:
+        message = f"X = {x:.0f}, Y = {y:.0f} is far outside crs {crs}, but within it if exchanged; X is the easting"
+        raise InputError.single(message, shown)
 
 
 def checked_outline(corners: FloatArray, shown: str, *, is_line: bool) -> FloatArray:

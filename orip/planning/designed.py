@@ -15,7 +15,7 @@ from orip.files.height_raster import read_height_raster
 from orip.files.text.regular_file import is_there
 from orip.geometry.ground_crs import known_crs
 from orip.geometry.height_grid import surface_at
-from orip.planning.areas import checked_outline, read_outline
+from orip.planning.areas import checked_outline, read_outline, refuse_other_system
 from orip.planning.forecast import (
     Design,
     Forecast,
@@ -253,7 +253,10 @@ def outline_of(given: Given) -> FloatArray:
         path = project.folder / settings.area
         shown = project.shown(path)
         outline = read_outline(path, shown, project.definition.crs, is_line=is_line)
-    return checked_outline(outline, shown, is_line=is_line)
+    outline = checked_outline(outline, shown, is_line=is_line)
+    if settings.corners is not None:
+        refuse_other_system(outline, project.definition.crs, shown)
+    return outline
 
 
 def plan_text(plan: PlannedFlight) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from msgspec import Struct
 
 from orip.arrays import FloatArray
-from orip.errors import InputError
+from orip.errors import Complaint, InputError
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.planning.geometry import (
     Frame,
@@ -86,6 +86,7 @@ def plan_flight(settings: PlanSettings, camera: Camera, outline: FloatArray, ter
     InputError
         If the settings contradict each other.
     """
+    _refuse_fractions(settings)
     frame = frame_of(camera, settings.across)
     wanted = Wanted(
         _height(settings, frame),
@@ -111,6 +112,20 @@ def plan_flight(settings: PlanSettings, camera: Camera, outline: FloatArray, ter
     crossing = _cross_strips(settings, outline, frame, wanted, terrain, strips)
     tilts = [0.0] * len(strips) + [settings.cross_tilt * RADIANS_PER_DEGREE] * len(crossing)
     return _planned(settings, frame, wanted.height, [*strips, *crossing], tilts)
+
+
+def _refuse_fractions(settings: PlanSettings) -> None:
+    """Raise an error of overlaps that are written as a fraction of one, where percents are meant."""
+    overlaps = (("forward", settings.forward), ("side", settings.side))
+    complaints = [
+        Complaint(
+            f"{key} = {part:g} of [plan] is less than 1 percent; write percents: {key} = {100 * part:g}", "orip.toml"
+        )
+        for key, part in overlaps
+        if 0.0 < part < 1.0
+    ]
+    if complaints:
+        raise InputError(complaints)
 
 
 def _height(settings: PlanSettings, frame: Frame) -> float:

@@ -105,7 +105,9 @@ def find_exposures(sources: Sources, matching: Matching) -> tuple[Exposures, tup
     if sources.events is None:
         found, quality = _own_places(events, row), [events.quality[index] for index in row]
         missing = np.isnan(found.place).any(axis=1) & np.isnan(found.rotation[:, 0, 0])
-        warnings += [_warning("no-position", events, index, "has no position") for index in row[missing]]
+        warnings += [
+            _warning("no-position", events, index, "has no position; 0, 0 counts as none") for index in row[missing]
+        ]
     else:
         if complaints := time_complaints(sources.solution):
             raise InputError(complaints)

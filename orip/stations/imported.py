@@ -27,11 +27,15 @@ from orip.stations.receiver_files import read_dji_mrk, read_rtklib_pos, read_sbe
 from orip.stations.table import read_station_table
 from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE
+from orip.wording import counted_names, first_names
 from orip.workflow.project.commit import Change
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.outputs import EditedText, digest_of_text
 from orip.workflow.project.state import ProjectState
 from orip.workflow.records.mentions import is_written
+
+_FAR = 10.0
+"""Multiples of the extent of all others, beyond which they are far away from 0."""
 
 _SBET_ENDINGS = (".sbet", ".out")
 
@@ -50,8 +54,6 @@ def read_epochs(
 
     Parameters
     ----------
-    path : Path
-    shown : str
     columns : mapping of str to str, optional
         Headings of a table by key.
     deviations : Path, optional
@@ -218,6 +220,13 @@ def written_stations(
     control, replaced = with_stations(path, project.shown(path), stations, settings.replaces)
     keys = set(map(record_key, known_photos(state)))
     photos = tuple(station.photo for station in stations if record_key(station.photo) not in keys)
+    if photos and keys and len(photos) == len(stations):
+        known = first_names(known_photos(state), 2)
+        text = (
+            f"{counted_names('photo', photos)} are not in the project, which has {known}: they are added to orip.toml; "
+            "if they are the same ones, remove them there, and rename them in the file"
+        )
+        warnings = (*warnings, ProjectWarning("new-photos", "", text))
     of_photos = (with_photos(project, photos, settings.camera),) if photos else ()
     outcome = ImportedStations(project, project.shown(path), stations, replaced, photos, warnings, dry_run)
     if dry_run:
@@ -248,7 +257,7 @@ def _read(project: ProjectFolder, files: ImportFiles, photos: Sequence[str]) -> 
     found: list[Parsed[Epochs]] = [parsed for parsed in (source, events, times) if parsed is not None]
     complaints = [complaint for parsed in found for complaint in parsed.complaints]
     complaints += [
-        Complaint("there are no epochs in this file; give one with rows below its heading", parsed.value.shown)
+        Complaint(_nothing_in(project.folder / parsed.value.shown), parsed.value.shown)
         for parsed in found
         if not len(parsed.value) and not parsed.complaints
     ]
@@ -257,7 +266,31 @@ def _read(project: ProjectFolder, files: ImportFiles, photos: Sequence[str]) -> 
     solution = source.value
     if files.mount is not None and solution.mount != "photo":
         solution = replace(solution, mount=files.mount)
+    if events is None:
+        solution = _without_places_at_zero(solution)
     return Sources(solution, None if events is None else events.value, None if times is None else times.value, photos)
+
+
+def _nothing_in(path: Path) -> str:
+    if path.is_dir():
+        return "there are no images in this folder; name the folder of the photos, or a file of their positions"
+    return "there are no epochs in this file; give one with rows below its heading"
+
+
+def _without_places_at_zero(found: Epochs) -> Epochs:
+    """Return epochs without places at 0, 0: receivers and cameras without a fix write that.
+
+    Coordinates of a plain system are such ones only if all others lie far away.
+    """
+    at_zero = (found.place[:, :2] == 0.0).all(axis=1)
+    if not at_zero.any():
+        return found
+    others = found.place[np.isfinite(found.place[:, :2]).all(axis=1) & ~at_zero, :2]
+    if not found.is_geographic:
+        extent = np.ptp(others, axis=0) if len(others) else np.inf
+        if not (np.abs(others).min(axis=0, initial=np.inf) > _FAR * extent).any():
+            return found
+    return replace(found, place=np.where(at_zero[:, None], np.nan, found.place))
 
 
 def _as_complaints(warnings: Iterable[ProjectWarning]) -> Iterator[Complaint]:

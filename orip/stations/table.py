@@ -14,14 +14,19 @@ from msgspec import Struct, field
 
 from orip.arrays import FloatArray
 from orip.errors import Complaint
-from orip.files.text.decimal_numbers import parse_degrees, parse_number
+from orip.files.text.decimal_numbers import degrees_and_side, is_number, parse_degrees, parse_number
 from orip.files.text.lines import foreign_text, no_text_complaint, read_bytes
 from orip.files.text.separated import (
     DEGREES,
+    EASTINGS,
     EXTRA_FIELDS,
     EXTRA_WORDS,
+    HEIGHTS,
     METRES,
+    NAMES_OF_PHOTOS,
+    NORTHINGS,
     fields_of_line,
+    folded,
     has_decimal_commas,
     separator_of,
     unit_of,
@@ -108,13 +113,13 @@ def text_rows(path: Path, reader: RowReader, separators: str = r"\s") -> Iterato
 
 HEADINGS: Final[Mapping[str, str]] = MappingProxyType(
     {
-        "photo": "photo image name label file filename imagename photoname id",
-        "time": "time gpstime gpst tow sow timestamp seconds datetime",
-        "longitude": "longitude lon long lng xlongitude",
-        "latitude": "latitude lat ylatitude",
-        "X": "x easting east e x0 xeasting xeast",
-        "Y": "y northing north n y0 ynorthing ynorth",
-        "Z": "z height h alt altitude elevation ellipsoidalheight ellh z0 zaltitude",
+        "photo": f"{NAMES_OF_PHOTOS} name label id",
+        "time": "time gpstime gpst tow sow timestamp seconds datetime zeit uhrzeit",
+        "longitude": "longitude lon long lng xlongitude lange laenge langengrad laengengrad longitud longitudine",
+        "latitude": "latitude lat ylatitude breite breitengrad latitud latitudine",
+        "X": f"{EASTINGS} x0 xeasting xeast",
+        "Y": f"{NORTHINGS} y0 ynorthing ynorth",
+        "Z": f"{HEIGHTS} alt ellipsoidalheight ellh z0 zaltitude",
         "aX": "ax sx sde stdx sigmax xsd accuracyx sdx stdlon sigmaeast sdeast",
         "aY": "ay sy sdn stdy sigmay ysd accuracyy sdy stdlat sigmanorth sdnorth",
         "aZ": "az sz sdu stdz sigmaz zsd accuracyz sdz stdheight sigmaup sdup",
@@ -125,11 +130,12 @@ HEADINGS: Final[Mapping[str, str]] = MappingProxyType(
         "pitch": "pitch",
         "heading": "heading yaw",
         "quality": "q quality fix status",
-        "strip": "strip line flightline session",
+        "strip": "strip line flightline session streifen flugstreifen",
     }
 )
-"""What orip takes from a table, and the headings, in small letters without units, by which it is recognised."""
+"""What orip takes from a table, and the headings by which it is recognised, as `folded` and without units."""
 
+_FULL_TURN = 360.0
 _QUALITY: Mapping[str, Quality] = {
     "1": "fixed", "fix": "fixed", "fixed": "fixed", "50": "fixed", "2": "float", "float": "float", "34": "float",
 }  # fmt: skip
@@ -146,8 +152,6 @@ def read_station_table(
 
     Parameters
     ----------
-    path : Path
-    shown : str
     columns : mapping of str to str, optional
         Headings by key of `HEADINGS`, where they are not recognised.
     ground_unit : str
@@ -215,7 +219,7 @@ def _is_heading(line: str) -> bool:
 
 def _plain(headings: Sequence[str]) -> list[str]:
     """Return headings in small letters, without units."""
-    return [re.sub(r"\(.*?\)|\[.*?\]|[^a-z0-9]", "", heading.lower()) for heading in headings]
+    return [re.sub(r"\(.*?\)|\[.*?\]|[^a-z0-9]", "", folded(heading)) for heading in headings]
 
 
 def _columns(reader: RowReader, heading: Row, wanted: Mapping[str, str]) -> dict[str, int]:
@@ -237,6 +241,11 @@ def _columns(reader: RowReader, heading: Row, wanted: Mapping[str, str]) -> dict
         if named:
             found[key] = named[0]
     if missing := _missing(found):
+        if fault := _no_heading(written):
+            reader.complain(
+                f"{fault} with a heading above its columns, such as photo,X,Y,Z or photo,lon,lat,Z", heading
+            )
+            return {}
         reader.complain(
             f"no column is known as {missing}; the headings are: {', '.join(map(shown_token, written))}. "
             f"Name the columns with --column KEY=HEADING; keys are: {', '.join(HEADINGS)}",
@@ -244,6 +253,15 @@ def _columns(reader: RowReader, heading: Row, wanted: Mapping[str, str]) -> dict
         )
         return {}
     return found
+
+
+def _no_heading(fields: Sequence[str]) -> str:
+    """Return what a first line is that names no columns, and what to do; "" where it may name them."""
+    if fields[0].startswith(("<", "{", "[")):
+        return "this is XML or JSON; export it as a table"
+    if sum(map(is_number, fields)) > len(fields) // 2 or any(degrees_and_side(one) for one in fields):
+        return "the first line is no heading, but has numbers; write the table"
+    return ""
 
 
 def _missing(found: Mapping[str, int]) -> str:
@@ -293,6 +311,7 @@ def _epochs(
     errors = triple("aX", "aY", "aZ", limit=1e6)
     mount: Mount = "photo" if "omega" in places else "body"
     angles = triple("omega", "phi", "kappa") if mount == "photo" else triple("roll", "pitch", "heading")
+    _refuse_beyond_a_turn(reader, angles, heading)
     time = np.array([_time(reader, row, places["time"]) if "time" in places else math.nan for row in rows])
     return epochs(
         reader.shown,
@@ -308,6 +327,11 @@ def _epochs(
         mount=mount,
         strip=tuple(row.fields[places["strip"]] if "strip" in places else "" for row in rows),
     )
+
+
+def _refuse_beyond_a_turn(reader: RowReader, degrees: FloatArray, heading: Row) -> None:
+    if (np.abs(degrees) > _FULL_TURN).any():
+        reader.complain("angles are beyond 360 degrees; write their unit into the heading, as kappa (gon)", heading)
 
 
 def _scale(key: str, unit: str, of_ground: str) -> float:

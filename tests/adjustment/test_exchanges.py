@@ -17,12 +17,12 @@ from adjustment.factorisation.linear_systems import (
     settings,
 )
 
-from orip.adjustment import weight_search
+from orip.adjustment import exchanges, weight_search
 from orip.adjustment.exchanges import exchanges_to_try, lost_by_themselves, wrong_by_themselves, wrong_one_by_one
 from orip.adjustment.improvement import rounds_after
 from orip.adjustment.normals import solve_normals
 from orip.adjustment.residual_sums import factored_rows
-from orip.adjustment.weight_changes import LinearAdjustment, begun
+from orip.adjustment.weight_changes import HIDDEN, LinearAdjustment, begun
 from orip.adjustment.weight_search import taken_back_together, weights_of_lower_cost
 from orip.structs import replace
 
@@ -274,3 +274,21 @@ def test_an_end_at_which_hardly_anything_keeps_its_weight_is_not_followed(monkey
     end = weight_search._End(np.inf, back)
     assert weight_search._settled(start, end, LIMIT) is end
     assert looked_at == [0]
+
+
+def test_observations_are_chosen_by_the_cofactors_of_a_dense_inverse(monkeypatch: pytest.MonkeyPatch) -> None:
+    equations, layout = random_equations(5)
+    random = np.random.default_rng(5)
+    count = len(equations.residual)
+    weights = np.where(random.uniform(size=count) < 0.04, 0.01, 1.0)
+    rows = np.arange(count)
+    normals = solve_normals(equations, weights, layout, 12.0)
+    design = equations.design.toarray()
+    cofactor = design @ np.linalg.solve(dense_normals(equations, weights), design.T)
+    reduced = weights < 1.0
+    shared = np.abs(cofactor[:, reduced]) / (1.0 + (1.0 - weights[reduced]) * np.diag(cofactor)[reduced])
+    assert np.array_equal(exchanges._related(equations, weights, normals, rows), reduced | (shared > 0.03).any(axis=1))
+    monkeypatch.setattr(exchanges, "_AT_ONCE", 7)
+    large = exchanges._are_large(equations, weights, normals, layout, rows, LIMIT, HIDDEN)
+    least = LIMIT * np.clip(1.0 - weights * np.diag(cofactor), 0.0, 0.5)
+    assert np.array_equal(large, np.abs(equations.residual) > least)

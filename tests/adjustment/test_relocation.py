@@ -7,8 +7,8 @@ import pytest
 from adjustment.factorisation.linear_systems import equations_of, random_equations, random_weights
 
 from orip.adjustment.equations import Equations, OtherPlace
-from orip.adjustment.exchanges import changed_weights, relocations
 from orip.adjustment.normals import solve_normals
+from orip.adjustment.relocations import changed_weights, relocations
 from orip.adjustment.weights import danish_costs
 from orip.structs import replace
 

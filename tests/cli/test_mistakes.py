@@ -83,8 +83,10 @@ def test_commands_out_of_order_say_which_comes_first(project: Path) -> None:
 
 def test_unknown_names_of_results(project: Path) -> None:
     orip(project, "run")
-    refused(orip(project, "results", "points", "999"), 2, "the solution has no point 999; 'orip results points' shows")
-    refused(orip(project, "results", "points", "p1"), 2, "no point p1")  # names of points are compared exactly
+    refused(orip(project, "results", "points", "999"), 2, "there is no point '999'; there are: ")
+    refused(
+        orip(project, "results", "points", "p1"), 2, "no point 'p1'; did you mean 'P1'?"
+    )  # names of points are compared exactly
     refused(orip(project, "results", "residuals", "x"), 2, "no residual belongs to x")
 
 
@@ -208,11 +210,26 @@ def test_an_output_that_cannot_be_written_is_made_up_for(project: Path) -> None:
 
 def test_nothing_measured(project: Path) -> None:
     (project / "FIRST.MEA").write_text("")
-    refused(orip(project, "run"), 3, "bundle MAIN has no photo points; measure some")
+    said = orip(project, "run")
+    assert "warning: FIRST.MEA: nothing is measured in this file; write a line POINTS bundle photo" in said.err
+    refused(said, 3, "bundle MAIN has no photo points; measure some")
     (project / "FIRST.MEA").unlink()
     assert "nothing is measured yet: no file is called *.MEA" in orip(project, "measure").err
     replace_in(project / "orip.toml", '"FIRST" }', '"FIRST", measurement_files = ["A.MEA"] }')
     refused(orip(project, "run"), 3, "measurement file 'A.MEA' does not exist")
+
+
+def test_a_copy_of_the_measurements_is_named(project: Path) -> None:
+    (project / "FIRST (1).MEA").write_bytes((project / "FIRST.MEA").read_bytes())
+    said = orip(project, "run", "--no-report").err
+    assert "warning: FIRST.MEA is the same as FIRST (1).MEA: all of it is measured twice; remove one" in said
+
+
+@pytest.mark.parametrize("text", ["", "! to be surveyed\n"])
+def test_a_control_file_without_points_is_named_first(project: Path, text: str) -> None:
+    (project / "FIRST.PNT").write_text(text)
+    warnings = [line for line in orip(project, "run", "--no-report").err.splitlines() if line.startswith("warning")]
+    assert warnings[0].startswith("warning: FIRST.PNT: there is no control point in this file; write each as a line")
 
 
 def test_text_that_is_no_utf8(project: Path) -> None:

@@ -17,8 +17,6 @@ from orip.errors import InputError
 from orip.geometry.ground_ellipsoid import geocentric_from_geographic, geographic_from_geocentric, place_axes
 from orip.geometry.ground_frame import GroundFrame, ground_frame
 
-US_FOOT = 1200.0 / 3937.0
-
 PROJECTS = {
     "EPSG:25832": ("m", (620000.0, 5550000.0, 300.0)),
     "EPSG:2056": ("m", (2650000.0, 1200000.0, 600.0)),
@@ -306,7 +304,8 @@ def test_heights_that_nothing_leads_from_are_refused() -> None:
         ("EPSG:4326+5773", "m", "is not a projected system"),
         ("+proj=topocentric +lat_0=50 +lon_0=9", "m", "is not a projected system"),
         ("EPSG:99999", "m", "crs not found: EPSG:99999"),
-        ("Gauss-Boaga on Sundays", "m", "is not known to PROJ"),
+        ("Gauss-Boaga on Sundays", "m", "is not known to PROJ; give the code of a projected system"),
+        ("EPSG 25832", "m", "is not known to PROJ; did you mean "),
     ],
 )
 def test_a_system_that_does_not_fit_is_refused(crs: str, unit: str, words: str) -> None:

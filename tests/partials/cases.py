@@ -8,6 +8,7 @@ parametrisation of the rotations is tested with them.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import cache, partial
 from itertools import pairwise
 
 import numpy as np
@@ -27,13 +28,11 @@ from orip.bundle.starting_state import starting_state
 from orip.bundle.state import BlockState, PlacedFigures
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns
 from orip.geometry.equidistant import equidistant_with_partials
-from orip.geometry.essential import TwoPhotos, relative_poses_with_partials
 from orip.geometry.ground_frame import GroundFrame, ground_frame
 from orip.geometry.height_grid import _weights
 from orip.geometry.perspective import perspective_with_partials
 from orip.geometry.projection import projected_with_partials
-from orip.geometry.rig import photos_with_partials
-from orip.geometry.rolling_shutter import Motion, moving_image_with_partials
+from orip.geometry.rolling_shutter import Motion, moving_image_with_partials, photos_with_partials
 from orip.geometry.rotation import (
     angle_rates_from_axes_rotation,
     angles_from_rotation,
@@ -43,6 +42,7 @@ from orip.geometry.rotation import (
     rotation_vectors_with_partials,
 )
 from orip.geometry.similarity import Similarities, similarity_with_partials
+from orip.geometry.stereo import TwoPhotos, relative_poses_with_partials
 from orip.interior import additional_parameters, image_coordinates
 from orip.interior.additional_parameters import PARAMETER_SETS, additional_with_partials, base_of_camera, default_error
 from orip.interior.distortion import (
@@ -55,7 +55,7 @@ from orip.interior.distortion import (
     lens_distortion_with_partials,
 )
 from orip.interior.image_coordinates import SetValues, image_residuals_with_partials
-from orip.mistakes.rigs.contradicting_rigs import _by_motion
+from orip.mistakes.rigs.compared_poses import _by_motion
 from orip.multimodel.photo_loop import camera_model
 from orip.prelim.relative.solution import Pairs
 from orip.records.block import Block, TheodoliteSet
@@ -111,17 +111,6 @@ class Case(Struct, frozen=True):
 
     def __str__(self) -> str:
         return f"{self.of.removeprefix('orip.')}: {self.label}"
-
-
-def all_cases() -> list[Case]:
-    return [
-        *_perspective(), *_equidistant(), *_moving(), *_distortion(), *_additional(), *_ground_frame(),
-        *_plain_ground(), *_height_grid(),
-        *_similarity(), *_image_residuals(), *_image_equation(), *_bases(), *_rates(),
-        *_rotation_vectors(), *_shown_rotations(),
-        *_relative_poses(), *_rig_photos(), *_rigid_motions(),
-        *_parallaxes(), *_resection(), *_kinds(),
-    ]  # fmt: skip
 
 
 def full_name(function: object) -> str:
@@ -301,7 +290,7 @@ def _rigid_motions() -> Iterator[Case]:
     def value(x: np.ndarray) -> np.ndarray:
         return np.concatenate([x[:3] + rotation_about_axes(x[3:]) @ arm, x[3:]])
 
-    yield Case(full_name(_by_motion), str(arm), np.zeros(6), value, _by_motion(arm))
+    yield Case(full_name(_by_motion), str(arm), np.zeros(6), value, _by_motion(arm[None])[0])
 
 
 def _frame() -> GroundFrame:
@@ -862,29 +851,28 @@ def method_of(observations: Observations) -> str:
     return full_name(type(observations).linearise_with_partials)
 
 
-def _kinds() -> Iterator[Case]:
-    for label, block in blocks().items():
-        state = state_of(block)
-        unknowns, kinds = observations_of(block)
-        size = unknowns.layout.size
-        for observations in kinds:
-            found = observations.linearise_with_partials(state)
-            if not len(found.residual):
-                continue
-            _, (by_unknowns, columns) = partials_by_unknowns(observations, state, unknowns)
-            rows = np.broadcast_to(np.arange(len(columns))[:, None], columns.shape)
-            partials = np.zeros((len(columns), size))
-            free = columns != CONSTANT
-            np.add.at(partials, (rows[free], columns[free]), by_unknowns[free])
-            assert found.computable.all()
-            for part, move, rounding in _parts(block, observations):
-                yield Case(
-                    method_of(observations), f"{observations.rows.kind.name}, {label}", np.zeros(size),
-                    lambda x, of=observations, state=state, unknowns=unknowns, part=part: of.linearise_with_partials(
-                        state.moved(x, unknowns)
-                    ).residual[part],
-                    partials[part], move, rounding,
-                )  # fmt: skip
+def _kinds(label: str, block: Block) -> Iterator[Case]:
+    state = state_of(block)
+    unknowns, kinds = observations_of(block)
+    size = unknowns.layout.size
+    for observations in kinds:
+        found = observations.linearise_with_partials(state)
+        if not len(found.residual):
+            continue
+        _, (by_unknowns, columns) = partials_by_unknowns(observations, state, unknowns)
+        rows = np.broadcast_to(np.arange(len(columns))[:, None], columns.shape)
+        partials = np.zeros((len(columns), size))
+        free = columns != CONSTANT
+        np.add.at(partials, (rows[free], columns[free]), by_unknowns[free])
+        assert found.computable.all()
+        for part, move, rounding in _parts(block, observations):
+            yield Case(
+                method_of(observations), f"{observations.rows.kind.name}, {label}", np.zeros(size),
+                lambda x, of=observations, state=state, unknowns=unknowns, part=part: of.linearise_with_partials(
+                    state.moved(x, unknowns)
+                ).residual[part],
+                partials[part], move, rounding,
+            )  # fmt: skip
 
 
 def _parts(block: Block, observations: Observations) -> list[tuple[np.ndarray, float, float]]:
@@ -903,3 +891,26 @@ def _parts(block: Block, observations: Observations) -> list[tuple[np.ndarray, f
         return [(rows, 100.0, 0.0)]
     is_small = block.ground is PLAIN or kind in ("photo", "attitude", "constant attitude")
     return [(rows, 1e-3 if is_small else 0.1, 0.0)]
+
+
+GROUPS: dict[str, Callable[[], Iterator[Case]]] = {
+    **{
+        function.__name__: function
+        for function in (
+            _perspective, _equidistant, _moving, _distortion, _additional, _ground_frame, _plain_ground, _height_grid,
+            _similarity, _image_residuals, _image_equation, _bases, _rates, _rotation_vectors, _shown_rotations,
+            _relative_poses, _rig_photos, _rigid_motions, _parallaxes, _resection,
+        )
+    },
+    **{f"all kinds, {label}": partial(_kinds, label, block) for label, block in blocks().items()},
+}  # fmt: skip
+
+
+@cache
+def cases_of(group: str) -> tuple[Case, ...]:
+    """Return the cases of one of `GROUPS`, which are made when they are asked for first."""
+    return tuple(GROUPS[group]())
+
+
+def all_cases() -> list[Case]:
+    return [case for group in GROUPS for case in cases_of(group)]

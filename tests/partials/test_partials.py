@@ -9,8 +9,6 @@ from inspection import functions_with_partials
 
 from orip.structs import replace
 
-CASES = cases.all_cases()
-
 TOLERANCE = 1e-7
 """Of the largest partial of a column.
 
@@ -63,8 +61,13 @@ def numerical_changes(case: cases.Case, change: np.ndarray) -> np.ndarray:
     return (4.0 * central(0.5) - central(1.0)) / 3.0
 
 
-@pytest.mark.parametrize("case", CASES, ids=str)
-def test_partials_are_those_of_central_differences(case):
+@pytest.mark.parametrize("group", cases.GROUPS)
+def test_partials_are_those_of_central_differences(group):
+    for case in cases.cases_of(group):
+        assert_central_differences(case)
+
+
+def assert_central_differences(case: cases.Case) -> None:
     step = steps(case)
     for members in moved_together(case.partials):
         change = np.zeros_like(case.at)
@@ -74,17 +77,17 @@ def test_partials_are_those_of_central_differences(case):
         of_row = np.where(case.partials[:, members] != 0.0, allowed, 0.0).max(axis=1)
         allowed = TOLERANCE * np.where(of_row > 0.0, of_row, allowed.max()) + NOTHING * step[members].max()
         allowed += case.rounding
-        assert (worst <= allowed).all(), f"variables {members.tolist()}: off by {worst.max():.1e}"
+        assert (worst <= allowed).all(), f"{case}, variables {members.tolist()}: off by {worst.max():.1e}"
 
 
 def test_a_wrong_partial_is_found_among_variables_that_are_moved_together():
-    case = next(case for case in CASES if len(moved_together(case.partials)) < len(case.at) / 3)
+    case = next(case for case in cases.all_cases() if len(moved_together(case.partials)) < len(case.at) / 3)
     for change in (1e-5, -1.0):
         row, column = np.argwhere(case.partials != 0.0)[7]
         wrong = case.partials.copy()
         wrong[row, column] *= 1.0 + change
         with pytest.raises(AssertionError, match="off by"):
-            test_partials_are_those_of_central_differences(replace(case, partials=wrong))
+            assert_central_differences(replace(case, partials=wrong))
 
 
 PART_OF = {
@@ -161,14 +164,14 @@ GIVES_NONE = {
 
 
 def test_completeness():
-    missing = functions_with_partials() - {case.of for case in CASES} - PART_OF.keys() - GIVES_NONE.keys()
+    missing = functions_with_partials() - {case.of for case in cases.all_cases()} - PART_OF.keys() - GIVES_NONE.keys()
     assert not missing, f"without a case in tests/partials/cases.py: {', '.join(sorted(missing))}"
 
 
 def test_functions_without_a_case_are_there():
     stale = (PART_OF.keys() | GIVES_NONE.keys()) - functions_with_partials()
     assert not stale, f"not in the program any more, or without partials: {', '.join(sorted(stale))}"
-    assert not (PART_OF.keys() | GIVES_NONE.keys()) & {case.of for case in CASES}
+    assert not (PART_OF.keys() | GIVES_NONE.keys()) & {case.of for case in cases.all_cases()}
 
 
 def test_the_inspection_finds_functions_and_methods_of_any_name():

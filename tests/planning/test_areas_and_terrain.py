@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from orip.errors import InputError
-from orip.planning.areas import checked_outline, read_outline
+from orip.planning.areas import checked_outline, read_outline, refuse_other_system
 from orip.planning.designed import terrain_of_raster
 
 SQUARE = [[10.0, 53.0], [10.004, 53.0], [10.004, 53.003], [10.0, 53.003], [10.0, 53.0]]
@@ -99,10 +99,29 @@ def test_geojson_of_multipolygons_and_collections_is_read(tmp_path):
     assert len(read_outline(tmp_path / "a.geojson", "a", "EPSG:25832", is_line=False)) == 5
 
 
+@pytest.mark.parametrize(
+    ("corners", "crs", "said"),
+    [
+        (SQUARE, None, "seem to be longitude and latitude in degrees"),
+        (SQUARE, "EPSG:25832", "seem to be longitude and latitude in degrees"),
+        ([[5934111.0, 561958.0], [5934114.0, 562219.0], [5934219.0, 562217.0]], "EPSG:25832", "within it if exchanged"),
+    ],
+)
+def test_corners_in_another_system_are_refused(corners, crs, said):
+    with pytest.raises(InputError, match=said):
+        refuse_other_system(np.array(corners), crs, "corners")
+
+
+@pytest.mark.parametrize("crs", [None, "EPSG:25832"])
+def test_corners_of_the_project_are_taken(crs):
+    refuse_other_system(np.array([[561958.0, 5934111.0], [562219.0, 5934114.0], [562217.0, 5934219.0]]), crs, "corners")
+    refuse_other_system(np.array([[0.0, 0.0], [30.0, 0.0], [30.0, 20.0]]), None, "corners")
+
+
 def test_files_with_several_areas_or_none_are_refused(tmp_path):
     kml(tmp_path / "two.kml", f"<MultiGeometry>{POLYGON}{POLYGON}</MultiGeometry>")
     kml(tmp_path / "none.kml", HOME)
-    for name, said in (("two.kml", "it has 2 areas"), ("none.kml", "it has 0 areas")):
+    for name, said in (("two.kml", "it has 2 areas"), ("none.kml", "it has no area; draw one")):
         with pytest.raises(InputError, match=said):
             read_outline(tmp_path / name, name, "EPSG:25832", is_line=False)
 

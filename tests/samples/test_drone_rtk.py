@@ -188,11 +188,28 @@ def test_a_table_of_stations(tmp_path: Path) -> None:
     assert again[0][7:13] == ["0.500000", "-0.500000", "90.000000", "0.300000", "0.300000", "0.300000"]
 
 
+@pytest.mark.parametrize("heading", ["photo,X,Y,Z", "photo,lon,lat,Z"])
+def test_photos_without_a_fix_have_no_station(tmp_path: Path, heading: str) -> None:
+    folder = copied(tmp_path / "drone", "DRONE.STA")
+    place = "561957.5,5934109.3,142" if "X" in heading else "9.935,53.552,142"
+    (folder / "GPS.csv").write_text(f"{heading}\nDJI_0001,{place}\nDJI_0002,0.0,0,0\nDJI_0003,{place}\n")
+    said = orip(folder, "stations", "import", "GPS.csv")
+    assert "warning: GPS.csv:3: has no position; 0, 0 counts as none" in said.err
+    assert [line.split()[0] for line in (folder / "DRONE.STA").read_text().splitlines()] == ["DJI_0001", "DJI_0003"]
+
+
+def test_stations_none_of_whose_photos_is_known_are_told(tmp_path: Path) -> None:
+    folder = copied(tmp_path / "drone", "DRONE.STA")
+    (folder / "GPS.csv").write_text("photo,X,Y,Z\nIMG_1,561957.5,5934109.3,142\nIMG_2,561981.5,5934109.3,142\n")
+    said = orip(folder, "stations", "import", "GPS.csv").err
+    assert "photos IMG_1 and IMG_2 are not in the project, which has DJI_0001, DJI_0002 and 58 more" in said
+
+
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
         (["nothing.pos"], 3, "nothing.pos: there is no such file"),
-        (["flight.pos", "--events", "DRONE.PNT"], 3, "no column is known as photo or time"),
+        (["flight.pos", "--events", "DRONE.PNT"], 3, "DRONE.PNT:2: the first line is no heading, but has numbers"),
         (["flight.pos", "--accept", "good"], 2, "--accept good: write one of fixed, float, all"),
         (["flight.pos", "--error", "0.1"], 2, "--error 0.1: write three numbers above 0"),
         (["flight.pos", "--column", "place=X"], 2, "--column place=X: write KEY=HEADING; keys are: photo, time"),

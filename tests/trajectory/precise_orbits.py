@@ -60,9 +60,10 @@ def _orbits(text: str, begin: float, end: float) -> dict[int, np.ndarray]:
 def clocks(text: str, begin: float, end: float, step: float = 30.0, wrong: float = 0.0) -> str:
     """Return clocks as RINEX clock 3.00; those of even and odd satellites wrong by seconds of opposite sign."""
     lines = [f"{'     3.00           C':<60}RINEX VERSION / TYPE", f"{'':60}END OF HEADER"]
+    orbits = sorted(_orbits(text, begin, end).items())
     for time in np.arange(begin, end + 1.0, step):
         when = GPS_START + timedelta(seconds=time)
-        for number, orbit in sorted(_orbits(text, begin, end).items()):
+        for number, orbit in orbits:
             clock = place_and_clock(orbit, time)[1] + wrong * (-1) ** number
             lines.append(f"AS G{number:02d}  {when:%Y %m %d %H %M} {when.second:9.6f}  1   {clock:19.12E}")
     return "\n".join([*lines, ""])

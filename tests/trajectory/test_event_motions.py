@@ -125,7 +125,7 @@ def test_of_seldom_epochs_without_attitude_velocities_have_the_errors_of_what_is
 
 def test_the_smoother_of_inertial_data_gives_motions(tmp_path: Path) -> None:
     pytest.importorskip("gtsam")
-    flown = flight(strips=2, straight=20.0)
+    flown = flight(strips=2, straight=20.0, rate=100.0)
     written(tmp_path, flown, *observed(flown, TACTICAL, np.random.default_rng(4), deviation=(0.03, 0.03, 0.03)))
     times = np.arange(18.05, flown.time[-1] - 3.0, 1.5)
     rows = "".join(f"P{row},{time + START:.4f}\n" for row, time in enumerate(times))

@@ -23,7 +23,7 @@ from trajectory.inertial_flight import (
     written,
 )
 
-from orip.stations.gnss.calendar import moment
+from orip.stations.gnss.raw_files import moment
 from orip.stations.inertial.alignment import align, course_deviation, level_deviation
 from orip.stations.inertial.common_errors import common_errors
 from orip.stations.inertial.findings import Named, findings, fix_statistics
@@ -39,7 +39,7 @@ NAMED = Named("imu", "pos", 0.0)
 
 @pytest.fixture(scope="module")
 def truth() -> Flight:
-    return flight(strips=2, straight=20.0)
+    return flight(strips=2, straight=20.0, rate=100.0)
 
 
 def solved(imu: ImuSamples, fixes: Fixes, noise: ImuNoise = MEMS, **given: object) -> Solved:

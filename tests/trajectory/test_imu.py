@@ -42,6 +42,11 @@ NOTHING = ImuNoise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 @pytest.fixture(scope="module")
 def truth() -> Flight:
+    return flight(strips=2, straight=20.0, rate=100.0)
+
+
+@pytest.fixture(scope="module")
+def sampled_often() -> Flight:
     return flight(strips=2, straight=20.0)
 
 
@@ -87,8 +92,9 @@ def test_states_stand_at_fixes_at_times_wanted_and_once_a_second():
     assert fix.tolist() == [0, 1, -1, -1, -1, 2]
 
 
-def test_without_errors_the_truth_is_found(truth):
+def test_without_errors_the_truth_is_found(sampled_often):
     """The rotation of the Earth, the curvature of its surface and lever arms are all in the truth."""
+    truth = sampled_often
     imu, fixes = observed(truth, NOTHING, np.random.default_rng(0), deviation=(1e-9, 1e-9, 1e-9))
     said = np.broadcast_to(np.diag([4e-4, 4e-4, 16e-4]), fixes.covariance.shape).copy()
     found = smooth(
@@ -161,10 +167,10 @@ def test_noise_that_is_said_too_small_is_found(truth):
     within(standardised(found, truth)[0], 1)
 
 
-def test_noise_of_each_kind_of_sensor_is_estimated_by_itself(truth):
+def test_noise_of_each_kind_of_sensor_is_estimated_by_itself(sampled_often):
     """Beside such accelerometers gyroscopes say little: the logarithm of their factor scatters by 0.3."""
     given = replace(MEMS, gyro=MEMS.gyro * 8.0, accelerometer=MEMS.accelerometer * 50.0)
-    imu, fixes = observed(truth, given, np.random.default_rng(4), interval=0.25, speed=0.05)
+    imu, fixes = observed(sampled_often, given, np.random.default_rng(4), interval=0.25, speed=0.05)
     found = smooth(Observed(imu, fixes, GRAVITY, MEMS, LEVER_ARM)).trajectory.factors
     assert abs(np.log(found.gyro / 8.0)) < 0.9
     assert found.accelerometer == pytest.approx(50.0, rel=0.25)
@@ -173,7 +179,7 @@ def test_noise_of_each_kind_of_sensor_is_estimated_by_itself(truth):
 @pytest.mark.parametrize("runs", every(2, [1, 3]))
 def test_a_good_unit_that_is_six_times_noisier(runs):
     """It has a redundancy of 8 in such a flight: the standard deviation of a factor is 1 / sqrt(2 r), 0.25 at first."""
-    whole, found = flight(), []
+    whole, found = flight(rate=100.0), []
     for run in range(runs):
         imu, fixes = observed(whole, TACTICAL, np.random.default_rng(run), scale=6.0)
         solved = smooth(Observed(imu, fixes, GRAVITY, TACTICAL, LEVER_ARM)).trajectory
@@ -291,7 +297,8 @@ def test_files_of_a_trajectory(flown, truth):
     np.testing.assert_allclose(found.value.velocity, truth.velocity[at], atol=0.1)
 
 
-def test_what_people_mistake_is_said(tmp_path, flown, truth):
+def test_what_people_mistake_is_said(tmp_path):
+    truth = flight(strips=1, straight=12.0, rate=50.0)
     imu, fixes = observed(truth, MEMS, np.random.default_rng(1))
     written(tmp_path, truth, imu, fixes)
     for change, words, text in [

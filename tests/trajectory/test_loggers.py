@@ -151,7 +151,7 @@ def test_a_log_of_ardupilot_has_gps_time(tmp_path: Path, imu, text):
 
 def test_a_log_is_smoothed_like_a_table(tmp_path: Path):
     pytest.importorskip("gtsam", reason="pip install 'orip[ins]'")
-    truth = flight(strips=1, straight=20.0)
+    truth = flight(strips=1, straight=20.0, rate=100.0)
     imu, fixes = observed(truth, MEMS, np.random.default_rng(4))
     written(tmp_path, truth, imu, fixes)
     (tmp_path / "log.bin").write_bytes(dataflash(imu, np.full(1000, 0.1), 0.0))

@@ -11,8 +11,7 @@ from cli.command_line import orip
 from reference.published_data import REFERENCE_DATA
 from trajectory.inertial_flight import LEVER_ARM, MEMS, START, flight, observed, written
 
-from orip.files.control.differences_text import read_differences
-from orip.files.control.stations_text import read_stations
+from orip.files.control.stations_text import read_differences, read_stations
 from orip.records.epochs import SECONDS_PER_WEEK
 
 OFF = (-3978242.4348, 3382841.1715, 3650002.7667)
@@ -39,7 +38,7 @@ def text(arm: object = None) -> str:
 @pytest.fixture(scope="module")
 def computed(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("computed")
-    truth = flight(strips=1, straight=20.0)
+    truth = flight(strips=1, straight=20.0, rate=100.0)
     written(folder, truth, *observed(truth, MEMS, np.random.default_rng(4)))
     rows = "".join(f"P{row},{time + START:.4f}\n" for row, time in enumerate(np.arange(18.05, 40.0, 2.0)))
     (folder / "events.csv").write_text("photo,time\n" + rows)

@@ -25,14 +25,13 @@ from trajectory.inertial_flight import (
     written,
 )
 
-from orip.files.control.differences_text import read_differences
-from orip.files.control.stations_text import read_stations
+from orip.files.control.stations_text import read_differences, read_stations
 from orip.geometry.ground_ellipsoid import geocentric_from_geographic, geographic_from_geocentric, place_axes
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
-from orip.stations.inertial.chain import chain_of
 from orip.stations.inertial.differences import independent_poses
 from orip.stations.inertial.samples import ImuNoise, Observed
 from orip.stations.inertial.smoother import smooth
+from orip.stations.inertial.solution import chain_of
 from orip.stations.interpolation import WGS84
 
 pytest.importorskip("gtsam")
@@ -60,7 +59,7 @@ def test_covariances_of_a_chain_are_those_of_the_whole_matrix():
 
 def joint_covariances(noise: ImuNoise) -> tuple[np.ndarray, np.ndarray]:
     """Return the covariances (n, 6, n, 6) of exposures of a flight, by independent observations and by the smoother."""
-    truth = flight(strips=3)
+    truth = flight(strips=3, rate=100.0)
     imu, fixes = observed(truth, noise, np.random.default_rng(1))
     times = np.arange(17.05, truth.time[-1] - 3.0, 2.0)
     trajectory = smooth(Observed(imu, fixes, GRAVITY, noise, LEVER_ARM), times, estimates_noise=False).trajectory
@@ -111,7 +110,7 @@ def test_all_together_are_as_precise_as_the_smoother_says(noise):
 
 def test_the_command_writes_stations_and_differences_of_a_project(tmp_path: Path) -> None:
     """They fit the truth by their own covariances, in a map projection."""
-    truth = flight(strips=2, straight=20.0)
+    truth = flight(strips=2, straight=20.0, rate=100.0)
     written(tmp_path, truth, *observed(truth, TACTICAL, np.random.default_rng(4), deviation=(0.03, 0.03, 0.03)))
     times = np.arange(18.05, truth.time[-1] - 3.0, 1.5)
     rows = "".join(f"P{row},{time + START:.4f}\n" for row, time in enumerate(times))

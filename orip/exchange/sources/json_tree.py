@@ -13,7 +13,7 @@ from msgspec import Struct
 from orip.exchange.sources.text import Faults
 from orip.files.text.decimal_numbers import LARGEST_NUMBER
 from orip.files.text.lines import foreign_bytes, read_bytes
-from orip.files.text.shown import shown_token
+from orip.files.text.shown import json_fault, shown_token
 
 MOST_VALUES = 50_000_000
 """Each takes some thirty times its bytes in memory."""
@@ -146,7 +146,7 @@ def read_json(path: Path, faults: Faults) -> JsonValue | None:
         message = "a text has half a character (a \\u of D800 to DFFF alone), which no name can have; correct it"
         faults.complain(message, data.count(b"\n", 0, half) + 1)
     except json.JSONDecodeError as fault:
-        faults.complain(f"this is not JSON ({fault.msg}); export the file again", fault.lineno, fault.colno)
+        faults.complain(f"{json_fault(fault)}; export the file again", fault.lineno, fault.colno)
     except UnicodeDecodeError as fault:
         faults.complain("this is not JSON (not UTF-8); save it as UTF-8", data.count(b"\n", 0, fault.start) + 1)
     except (RecursionError, ValueError):

@@ -19,6 +19,7 @@ from orip.files.text.separated import (
     EXTRA_FIELDS,
     METRES,
     fields_of_line,
+    folded,
     has_decimal_commas,
     separator_of,
     unit_of,
@@ -280,8 +281,8 @@ def _columns(written: Sequence[str], headings: Mapping[str, str]) -> tuple[dict[
     found: dict[int, str] = {}
     ignored = []
     for place, heading in enumerate(written):
-        with_unit = re.sub(r"\s*[(\[](mm|px)[)\]]", r"_\1", heading.lower())
-        names = [re.sub(r"\(.*?\)|\[.*?\]|[^a-z0-9_]", "", text) for text in (with_unit, heading.lower())]
+        with_unit = re.sub(r"\s*[(\[](mm|px)[)\]]", r"_\1", folded(heading))
+        names = [re.sub(r"\(.*?\)|\[.*?\]|[^a-z0-9_]", "", text) for text in (with_unit, folded(heading))]
         column = known.get(names[0]) or known.get(names[1])
         if column is not None and column not in found.values():
             found[place] = column

@@ -102,15 +102,17 @@ class MeasurementBlock(Struct):
         )
 
 
-_COLUMNS = frozenset({"x", "y", "u", "v", "column", "col", "row", "line", "sample", "px", "py", "i", "j", "r", "c"})
+_COLUMNS = frozenset(
+    {"x", "y", "u", "v", "column", "col", "row", "line", "sample", "px", "py", "i", "j", "r", "c", "spalte", "zeile"}
+)
 
 
 def names_columns(reader: FieldReader) -> bool:
-    """Tell whether a line of a block is a heading such as ``name column row`` or ``point x (mm) y (mm)``."""
-    if reader.count < 3 or not reader.text(1)[0].isalpha():
+    """Tell whether a line is a heading such as ``name column row``, ``point x (mm) y (mm)`` or ``photo;point;x;y``."""
+    words = re.split(r"[\s;,]+", " ".join(map(reader.text, range(reader.count))).lower())
+    if len(words) < 3 or not words[1][:1].isalpha():
         return False
-    words = {re.split(r"[(\[_]", reader.text(index))[0].lower() for index in range(1, reader.count)}
-    return len(_COLUMNS & words) > 1
+    return len(_COLUMNS & {re.split(r"[^a-z]", word, maxsplit=1)[0] for word in words[1:]}) > 1
 
 
 def read_measurement(reader: FieldReader, block: MeasurementBlock) -> None:
@@ -118,7 +120,7 @@ def read_measurement(reader: FieldReader, block: MeasurementBlock) -> None:
     count = reader.count
     is_disregarded = count > 3 and reader.text(count - 1) == "-"
     body = count - 1 if is_disregarded else count
-    is_heading = names_columns(reader) and reader.is_heading((1, 2))
+    is_heading = count > 2 and names_columns(reader) and reader.is_heading((1, 2))
     if is_heading or not _has_form(reader, block, body, is_disregarded=is_disregarded):
         block.has_faults = True
         return

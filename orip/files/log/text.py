@@ -190,9 +190,15 @@ class _Log:
                 f"the measurement of '{word}' is outside a block; write a line such as POINTS bundle photo above it "
                 f"(blocks: {', '.join(BLOCK_KINDS)})"
             )
+        elif names_columns(reader):
+            reader.complain(
+                "this is a heading of columns; begin it with ! or remove it. A log is in blocks: write a line such as "
+                "POINTS bundle photo for each photo, and below it name x y of each point, separated by blanks"
+            )
         else:
             near = _near_keywords(word)
-            guess = f"did you mean {near[0]}?" if near else f"write one of {', '.join((*BLOCK_KINDS, *ACTIONS))}"
+            words = ", ".join((*BLOCK_KINDS, *ACTIONS))
+            guess = f"did you mean {near[0]}?" if near else f"write one of {words}, or begin a remark with !"
             reader.complain(f"'{word}' is not a keyword; {guess}", 0)
         self._close_block()
         self.skips = True

@@ -16,7 +16,7 @@ from orip.arrays import FloatArray
 from orip.errors import InputError
 from orip.files.identification import SCHEMA
 from orip.files.text.lines import sound_text
-from orip.files.text.shown import printable, shown_token
+from orip.files.text.shown import json_fault, printable, shown_token
 from orip.number_text import shortest_texts
 from orip.records.names import record_key
 from orip.records.results.solution import Solution
@@ -157,15 +157,19 @@ def read_result(path: Path, shown: str) -> ResultFigures:
     InputError
         If the file cannot be read or is no result.
     """
-    text = sound_text(path, shown)
+    text, line, column = sound_text(path, shown), None, None
     try:
         return _figures(json.loads(text, parse_constant=_refused))
     except _MalformedError as fault:
         reason = str(fault)
-    except (ValueError, RecursionError) as fault:
-        reason = "it is nested too deeply" if isinstance(fault, RecursionError) else f"it is not JSON: {fault}"
+    except json.JSONDecodeError as fault:
+        reason, line, column = json_fault(fault), fault.lineno, fault.colno
+    except RecursionError:
+        reason = "it is nested too deeply"
+    except ValueError as fault:
+        reason = str(fault)
     message = f"this is not the result of an adjustment: {reason}; name a result.json that 'orip solve' wrote"
-    raise InputError.single(message, shown)
+    raise InputError.single(message, shown, line, column)
 
 
 def _refused(constant: str) -> None:

@@ -39,8 +39,10 @@ _NAME_AT_END = 4096
 """Bytes at the end of a journal that hold the name, with four of length and four of checksum after it."""
 
 
-def require_own_store(path: Path, *, writes: bool) -> None:
-    """Refuse what SQLite should not open: it would wait for a pipe, and change or remove files of somebody else.
+def require_own_store(path: Path, *, writes: bool) -> Path:
+    """Return the file of a store, as `file_of`; refuse one that SQLite should not open.
+
+    It would wait for a pipe, and change or remove files of somebody else.
 
     Parameters
     ----------
@@ -75,6 +77,7 @@ def require_own_store(path: Path, *, writes: bool) -> None:
             message = "this file has a second name (a hard link) and would change there too; put a copy in its place"
             raise InputError.single(message, f"{path}{beside}")
     _require_own_journal(file, path)
+    return file
 
 
 def _require_no_link(path: Path) -> None:

@@ -29,13 +29,13 @@ OLDEST_SQLITE = (3, 37, 0)
 
 
 class Stores(Struct, frozen=True):
-    """The stores of one transaction, by path."""
+    """The stores of one transaction, by file, and by the path that the transaction was begun with."""
 
-    by_file: dict[Path, Store]
+    by_path: dict[Path, Store]
 
     def __getitem__(self, path: Path) -> Store:
         """Return the store of a file that the transaction was begun with."""
-        return self.by_file[file_of(path)]
+        return self.by_path.get(path) or self.by_path[file_of(path)]
 
 
 @contextmanager
@@ -64,13 +64,13 @@ def writing(paths: Iterable[Path], *, timeout: float = 10.0) -> Iterator[Stores]
     if not files:
         message = "a transaction that writes needs at least one store"
         raise ValueError(message)
-    _require_folders(files.values())
+    _require_folders(files)
     with explained(list(files.values())), ExitStack() as locked:
         stores = _locked(locked, files, timeout)
         remove_orphans(files)
         remove_orphaned_pact(list(files))
         present = [_present_or_created(store) for store in stores]
-        yield Stores(dict(zip(files, present, strict=True)))
+        yield _by_path(files, dict(zip(files, present, strict=True)))
         for store in present:
             store.seal()
         connections = list(dict.fromkeys(store.connection for store in present))
@@ -88,11 +88,11 @@ def remove_empty(path: Path, is_empty: Callable[[Store], bool]) -> bool:
         Tells whether a store with its tables has nothing in it.
     """
     with suppress(OripError, OSError, sqlite3.Error):
-        require_own_store(path, writes=True)
-        with closing(connected(_uri(path, "rw"), timeout=0.0)) as connection:
+        file = require_own_store(path, writes=True)
+        with closing(connected(_uri(file, "rw"), timeout=0.0)) as connection:
             store = _store(path, connection, "main")
             with _transaction(connection, "BEGIN IMMEDIATE"):
-                if has_undo(file_of(path)):
+                if has_undo(file):
                     return False
                 if not is_present(store) or is_empty(_with_sums(replace(store, present=True))):
                     remove_file(
@@ -106,7 +106,7 @@ def _locked(locked: ExitStack, files: Mapping[Path, Path], timeout: float) -> li
     """Return stores that are open and locked for as long as `locked` is; files that are missing are made."""
     while True:
         with ExitStack() as attempt:
-            stores = _opened_for_writing(attempt, list(files.values()), timeout)
+            stores = _opened_for_writing(attempt, files, timeout)
             before = list(map(identity_of, files))
             for connection in dict.fromkeys(store.connection for store in stores):
                 attempt.enter_context(_transaction(connection, "BEGIN IMMEDIATE"))
@@ -117,14 +117,14 @@ def _locked(locked: ExitStack, files: Mapping[Path, Path], timeout: float) -> li
         put_back_killed(files, partial(_single, timeout=timeout))
 
 
-def _opened_for_writing(attempt: ExitStack, paths: Sequence[Path], timeout: float) -> list[Store]:
+def _opened_for_writing(attempt: ExitStack, files: Mapping[Path, Path], timeout: float) -> list[Store]:
     """Open stores with as many connections as it takes; all processes lock them in the same order."""
-    stores, rest = list[Store](), list(paths)
+    stores, rest = list[Store](), list(files.items())
     while rest:
         # The main database is one of the stores: with ':memory:' in its place SQLite commits file by file.
-        main = rest[0]
+        file, main = rest[0]
         with opened(main):
-            connection = attempt.enter_context(closing(connected(_uri(main, "rwc"), timeout)))
+            connection = attempt.enter_context(closing(connected(_uri(file, "rwc"), timeout)))
         most = 1 + connection.getlimit(sqlite3.SQLITE_LIMIT_ATTACHED)
         together = [_store(main, connection, "main"), *_attached(connection, rest[1:most], "rwc")]
         for store in together:
@@ -136,8 +136,7 @@ def _opened_for_writing(attempt: ExitStack, paths: Sequence[Path], timeout: floa
 
 def _single(file: Path, timeout: float) -> sqlite3.Connection:
     """Return a connection to one store alone, which is not made where it is missing."""
-    require_own_store(file, writes=True)
-    connection = connected(_uri(file, "rw"), timeout)
+    connection = connected(_uri(require_own_store(file, writes=True), "rw"), timeout)
     connection.execute("PRAGMA synchronous = EXTRA")
     return connection
 
@@ -167,24 +166,29 @@ def reading(paths: Iterable[Path], *, timeout: float = 10.0) -> Iterator[Stores]
                     remove_orphans(file for file, store in stores.items() if store.present)
                     break
             put_back_killed(files, partial(_single, timeout=timeout))
-        yield Stores(stores)
+        yield _by_path(files, stores)
+
+
+def _by_path(files: Mapping[Path, Path], stores: dict[Path, Store]) -> Stores:
+    return Stores({**{path: stores[file] for file, path in files.items()}, **stores})
 
 
 def _shared(attempt: ExitStack, files: Mapping[Path, Path], timeout: float) -> dict[Path, Store]:
     """Return stores that nobody can commit to for as long as `attempt` lasts."""
-    absent = attempt.enter_context(closing(connected(":memory:", timeout)))
-    found = {file: _store(path, absent, "main") for file, path in files.items()}
-    rest = [file for file in files if _size(file) > 0]
+    rest, found = [file for file in files if _size(file) > 0], dict[Path, Store]()
+    if len(rest) < len(files):
+        nothing = attempt.enter_context(closing(connected(":memory:", timeout)))
+        found = {file: _store(path, nothing, "main") for file, path in files.items()}
     while rest:
         connection = attempt.enter_context(closing(connected(":memory:", timeout)))
         most = connection.getlimit(sqlite3.SQLITE_LIMIT_ATTACHED)
         # Opened for writing where permissions allow: SQLite rolls back what a killed run left half done.
-        stores = _attached(connection, [files[file] for file in rest[:most]], "rw")
+        stores = _attached(connection, [(file, files[file]) for file in rest[:most]], "rw")
         attempt.enter_context(_transaction(connection, "BEGIN"))
         for file, store in zip(rest, stores, strict=False):
             found[file] = _with_sums(replace(store, present=is_present(store)))
         rest = rest[most:]
-    return found
+    return {file: found[file] for file in files}
 
 
 def _files(paths: Iterable[Path], *, writes: bool) -> dict[Path, Path]:
@@ -192,8 +196,7 @@ def _files(paths: Iterable[Path], *, writes: bool) -> dict[Path, Path]:
     files = {}
     for path in paths:
         kind_of(path)
-        require_own_store(path, writes=writes)
-        files[file_of(path)] = path
+        files[require_own_store(path, writes=writes)] = path
     return dict(sorted(files.items()))
 
 
@@ -201,9 +204,9 @@ def _size(file: Path) -> int:
     return file.stat().st_size if file.is_file() else 0
 
 
-def _require_folders(paths: Iterable[Path]) -> None:
-    for path in paths:
-        if not file_of(path).parent.is_dir():
+def _require_folders(files: Mapping[Path, Path]) -> None:
+    for file, path in files.items():
+        if not file.parent.is_dir():
             message = f"the folder of '{path}' does not exist; make it first"
             raise UsageError(message)
 
@@ -234,11 +237,11 @@ def _defend(connection: sqlite3.Connection) -> None:
         connection.setconfig(sqlite3.SQLITE_DBCONFIG_DEFENSIVE, True)
 
 
-def _attached(connection: sqlite3.Connection, paths: list[Path], mode: str) -> list[Store]:
+def _attached(connection: sqlite3.Connection, files: Sequence[tuple[Path, Path]], mode: str) -> list[Store]:
     stores = []
-    for number, path in enumerate(paths, start=1):
+    for number, (file, path) in enumerate(files, start=1):
         with opened(path):
-            connection.execute(f"ATTACH ? AS store{number}", (_uri(path, mode),))
+            connection.execute(f"ATTACH ? AS store{number}", (_uri(file, mode),))
         stores.append(_store(path, connection, f"store{number}"))
     return stores
 
@@ -247,8 +250,8 @@ def _store(path: Path, connection: sqlite3.Connection, schema: str) -> Store:
     return Store(path, kind_of(path), connection, schema, present=False)
 
 
-def _uri(path: Path, mode: str) -> str:
-    return f"{file_of(path).as_uri()}?mode={mode}"
+def _uri(file: Path, mode: str) -> str:
+    return f"{file.as_uri()}?mode={mode}"
 
 
 def _prepare(store: Store, *, is_alone: bool) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import unicodedata
 from pathlib import Path
 from typing import cast
 
@@ -18,8 +19,9 @@ _WITH_THOUSANDS = re.compile(
 )
 _NOT_FINITE = re.compile(r"[+-]?(?:nan|inf|infinity)", re.IGNORECASE)
 _D_EXPONENT = str.maketrans("dD", "ee")
-_MINUS_SIGNS = str.maketrans("−–—", "---")
+_MINUS_SIGNS = str.maketrans("−–—٫", "---.")
 _WITH_UNIT = re.compile(r"(?P<number>\S+?)\s*(?P<unit>pix|pixels?|px|[uµμ]m|microns?|mm|cm)", re.IGNORECASE)
+_MEASURED = re.compile(r"±?(?P<number>\S+?)(?:[uµμ]m|[mck]?m|ft|feet|in|px|pix|gon|deg|rad)", re.IGNORECASE)
 UNIT_IN_WORDS = "is not how a unit is written"
 """Of a number that is followed by what it is to be instead."""
 _MILLIMETRES = {"mm": 1.0, "cm": 10.0}
@@ -116,12 +118,16 @@ def _number_fault(token: str) -> str:
     angle = degrees_and_side(token)
     if angle is not None:
         return f"'{shown}' is an angle in degrees, minutes and seconds; write decimal degrees: {round(angle[0], 10)!r}"
+    if (measured := _MEASURED.fullmatch(token)) and _NUMBER.fullmatch(measured["number"].replace(",", ".")):
+        return f"'{shown}' is written with a unit; write the number alone, in the unit that this field has"
     return f"'{shown}' is not a number; write a plain decimal such as {_likely_number(token)}"
 
 
 def _likely_number(token: str) -> str:
     """Return the decimal that was probably meant, or an example where none can be guessed."""
-    candidate = token.translate(_MINUS_SIGNS)
+    # digits of other scripts, of full width and of Arabic among them
+    plain = (str(unicodedata.decimal(one, one)) for one in unicodedata.normalize("NFKC", token.lstrip("±~≈")))
+    candidate = "".join(plain).translate(_MINUS_SIGNS)
     first_point = candidate.find(".") + 1
     candidate = candidate[:first_point] + candidate[first_point:].replace(".", "")
     if len(candidate) > _LONGEST_GUESS or not _NUMBER.fullmatch(candidate):

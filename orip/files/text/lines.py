@@ -33,6 +33,11 @@ _NO_TEXTS = (
     (b"\x1f\x8b", "compressed (gzip)", "unpack it"),
 )
 """How files begin that are given in the place of a text, what they are, and what helps."""
+_REMARK = re.compile(r"%|//|;|\*|--|==|__|~")
+"""How lines begin that are remarks or rules in other programs."""
+
+_SPREADSHEET_LINE = len("sep=;")
+_WEB_PAGE = re.compile(rb"\s*<(?:!doctype html|html)\b", re.IGNORECASE)
 _LINE_END = re.compile(r"\r+\n|\r")
 
 
@@ -137,14 +142,16 @@ def foreign_text(data: bytes) -> str:
     """Return a text that another program wrote, each line end as a newline.
 
     It is UTF-8, UTF-16 with its byte order mark, or else Windows' western characters: names of photos come from
-    programs and systems of all kinds. What DOS writes at the end of a file is left out.
+    programs and systems of all kinds. What DOS writes at the end of a file is left out, and of a line ``sep=;`` for
+    spreadsheets at the beginning only its end is left.
     """
     data = foreign_bytes(data)
     try:
         text = data.decode("utf-8")
     except UnicodeDecodeError:
         text = data.decode("cp1252", errors="replace")
-    return _LINE_END.sub("\n", text) if "\r" in text else text
+    text = _LINE_END.sub("\n", text) if "\r" in text else text
+    return text[_SPREADSHEET_LINE:] if re.match(r"sep=[;,|\t]\n", text) else text
 
 
 def foreign_bytes(data: bytes) -> bytes:
@@ -159,6 +166,8 @@ def no_text_complaint(data: bytes, shown: str) -> Complaint | None:
     for beginning, kind, remedy in _NO_TEXTS:
         if data.startswith(beginning):
             return Complaint(f"this is no text, but {kind}; {remedy}", shown)
+    if _WEB_PAGE.match(data.removeprefix(codecs.BOM_UTF8)):
+        return Complaint("this is no text, but a web page (HTML); download or export the file itself", shown)
     if _ZERO in data and not data.startswith(UTF_16):
         message = "the file has zero bytes: it is UTF-16, or damaged, or no text at all; save it as UTF-8"
         return Complaint(message, shown, data.count(b"\n", 0, data.index(_ZERO)) + 1)
@@ -291,7 +300,8 @@ class FieldReader:
             message = f"'{self.shown_text(extra)}' is one field too many; the line is: {form}"
             self.complain(message, extra)
         else:
-            message = f"a field is missing, {self.count} found{self.part_by_blanks()}; the line is: {form}"
+            remark = "; begin a remark with !" if _REMARK.match(self.text(0)) else self.part_by_blanks()
+            message = f"a field is missing, {self.count} found{remark}; the line is: {form}"
             self.complaints.append(Complaint(message, self._shown, self.number, self._line.end_column))
         return False
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import math
 import re
+import unicodedata
 from collections.abc import Iterable
 from types import MappingProxyType
 
@@ -30,6 +31,15 @@ METRES = MappingProxyType(
     )
 )
 """Lengths in metres, by their units; a foot is the international one where the survey's is not named."""
+
+NAMES_OF_PHOTOS = (
+    "photo image filename file imagename photoname bild bildname foto dateiname nom imagen immagine imagem"
+)
+NAMES_OF_POINTS = "point name label id gcp target punkt punktnummer punktnr pktnr pkt nr nom punto ponto"
+EASTINGS = "x easting east e rechtswert rechts ostwert ost este est"
+NORTHINGS = "y northing north n hochwert hoch nordwert nord norte"
+HEIGHTS = "z height h elevation altitude hohe hoehe hauteur altura altezza quota"
+"""Headings as `folded`; those of German, French, Italian, Portuguese and Spanish tables are among them."""
 
 EXTRA_FIELDS = "; with decimal commas the separator has to be a semicolon"
 """What may be wrong where a row has more fields than the heading and commas between them."""
@@ -58,6 +68,11 @@ def has_decimal_commas(words: Iterable[str]) -> bool:
     """Return whether numbers among the words have decimal commas, and none has a point."""
     known = list(words)
     return any(map(_WITH_COMMA.fullmatch, known)) and not any(map(_WITH_POINT.fullmatch, known))
+
+
+def folded(heading: str) -> str:
+    """Return a heading in small letters without accents and umlauts."""
+    return "".join(one for one in unicodedata.normalize("NFKD", heading.lower()) if not unicodedata.combining(one))
 
 
 def unit_of(heading: str) -> str:

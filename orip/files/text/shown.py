@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import unicodedata
 from typing import Generic, TypeVar
 
@@ -51,6 +52,15 @@ def _json_escape(character: str) -> str:
 
 def _is_hidden(character: str) -> bool:
     return unicodedata.category(character) in _HIDDEN and character not in _JOINERS
+
+
+def json_fault(fault: json.JSONDecodeError) -> str:
+    """Return what is wrong with a text that should be JSON."""
+    if not fault.doc.strip():
+        return "the file is empty"
+    if fault.pos >= len(fault.doc.rstrip()) or fault.msg.startswith("Unterminated string"):
+        return "the file is cut off: its end is missing"
+    return "something follows the end of the JSON" if fault.msg == "Extra data" else "this is not JSON"
 
 
 def shown_token(token: str) -> str:

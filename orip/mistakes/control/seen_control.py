@@ -9,20 +9,26 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from itertools import combinations
-from typing import NamedTuple
 
 import numpy as np
-from msgspec import Struct
 
-from orip.arrays import BoolArray, FloatArray, along_diagonal, inverse_of_covariance
 from orip.bundle.results.covariance import covariance, point_figures
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.verdict import group_findings
 from orip.errors import ProjectWarning
 from orip.geometry.rotation import angles_from_rotation
-from orip.geometry.similarity import fit_similarity, several, similarity_with_partials
 from orip.mistakes.control.contradicting_control import control_warnings, without_control
 from orip.mistakes.control.free_network import free_network
+from orip.mistakes.control.network_fits import (
+    CHANCE,
+    FEWEST_POINTS,
+    LOOKS_UP,
+    OPTIMISTIC,
+    Change,
+    Fitted,
+    Seen,
+    fitted,
+)
 from orip.mistakes.doubted_observations import doubted_control, doubted_photo_points
 from orip.mistakes.hypothesis import DECIDED, Misfit, Readjuster, fit_of_adjustment, is_good
 from orip.mistakes.mistake import ANOTHER_START, ON_GROUND, Consequence, declare
@@ -44,93 +50,18 @@ CONTROL_HEIGHTS = declare(
     "control-heights", "Z of the control fits only if it is read otherwise", _OFF, places_photos=True
 )
 
-_FEWEST, _MOST = 4, 24
-"""Least number of points that show which of them is wrong, and the most of which pairs are tried."""
+_MOST = 24
+"""Most points of which pairs are tried."""
 
 _SHORTEST_POLE, _LONGEST_POLE = 0.05, 5.0
 """Metres: less and more is no pole; other systems differ by more."""
-
-_LOOKS_UP = -0.5
-"""Mean cosine from which photos look up at the control: what is said of it then is said elsewhere."""
 
 _OF_ONE, _OF_ALL = 5.0, 10.0
 """What a change costs: a coordinate that is left out or two names that are exchanged, and other heights of all points.
 A choice among so many makes the sum of squares smaller by chance."""
 
-_CHANCE, _OPTIMISTIC = 4.0, 2.0
-"""Standard deviations by which a sum of squares is larger than chance gives at most, and how many times larger, as
-errors are often given a little too small."""
-
-_ROUNDS, _SETTLED, _NEAR_START = 4, 1e-7, 0.5
-"""Rounds of the adjustment of a similarity at most, the part of the extent by which points move in the last one, and
-the change of scale up to which the start was near."""
-
 _MARK = 1.0
 """A-priori error, without its sign, that marks a check point and says nothing else."""
-
-
-class _Seen(Struct, frozen=True):
-    """Points as given and as the photos see them.
-
-    Parameters
-    ----------
-    names : tuple of str
-        Of n points.
-    given, errors : arrays (n, 3)
-        NaN where not given.
-    found : array (n, 3)
-        In the network.
-    spread : array (3n, 3n)
-        Its covariances.
-    rotations : array (p, 3, 3)
-        Of the photos in the network.
-    is_placed : bool
-        The network has the scale and the axes of observed positions, and differs by a shift alone.
-    """
-
-    names: tuple[str, ...]
-    given: FloatArray
-    errors: FloatArray
-    found: FloatArray
-    spread: FloatArray
-    rotations: FloatArray
-    is_placed: bool
-
-
-class _Change(NamedTuple):
-    """Something that may have been mistaken: the coordinates (n, 3) as meant, which of them (n, 3) are left out."""
-
-    meant: FloatArray
-    left_out: BoolArray
-    price: float
-    points: tuple[int, ...]
-    factor: float
-
-
-class _Fitted(NamedTuple):
-    """A change, its half sum of squares, their redundancy, and the points (n, 3) in the ground system with their sd."""
-
-    change: _Change
-    cost: float
-    redundancy: int
-    placed: FloatArray
-    sd: FloatArray
-
-    @property
-    def fits(self) -> bool:
-        """Return whether the sum of squares is no larger than chance, and errors a little too small, make it."""
-        chance = self.redundancy + _CHANCE * np.sqrt(2.0 * max(self.redundancy, 0))
-        return self.redundancy > 0 and self.cost < _OPTIMISTIC * 0.5 * chance
-
-    @property
-    def score(self) -> float:
-        """Return the half sum of squares and the price of the change."""
-        return self.cost + self.change.price
-
-    def gain(self, cost: float) -> float:
-        """Return by how much less it costs than without the change; in the residuals' own size, if errors are small."""
-        scale = max(1.0, 2.0 * self.cost / max(self.redundancy, 1))
-        return (cost - self.cost) / scale - self.change.price
 
 
 def misread_control_points(misfit: Misfit) -> list[ProjectWarning]:
@@ -142,12 +73,11 @@ def misread_control_points(misfit: Misfit) -> list[ProjectWarning]:
     seen = _seen(readjuster, solved)
     if seen is None:
         return []
-    as_given = _fitted(seen, _as_given(seen))
+    as_given = next(iter(fitted(seen, [_as_given(seen)])), None)
     if as_given is not None and as_given.fits:
         return []
     cost = np.inf if as_given is None else as_given.cost
-    tried = [found for change in _changes(seen, as_given) if (found := _fitted(seen, change)) is not None]
-    tried = [found for found in tried if found.fits and found.gain(cost) > DECIDED]
+    tried = [found for found in fitted(seen, _changes(seen, as_given)) if found.fits and found.gain(cost) > DECIDED]
     if not tried:
         return []
     best = min(tried, key=lambda found: found.score)
@@ -168,7 +98,7 @@ def _is_doubted(solution: Solution, solved: SolvedBlock, block: Block) -> bool:
     """Tell whether control may be wrong: of a sound block nothing is adjusted again."""
     if solution.status not in ("converged", "doubtful") or doubted_control(solution) or group_findings(solution):
         return True
-    if solved.state.rotations[:, 2, 2].mean() < _LOOKS_UP:
+    if solved.state.rotations[:, 2, 2].mean() < LOOKS_UP:
         return True
     names = {block.point_names[row] for row in block.photo_points.point[doubted_photo_points(block, solution)].tolist()}
     return any(point.name in names for point in block.control_points)
@@ -177,7 +107,7 @@ def _is_doubted(solution: Solution, solved: SolvedBlock, block: Block) -> bool:
 # ------------------------------------------------------------------------------------------------------- what is seen
 
 
-def _seen(readjuster: Readjuster, solved: SolvedBlock) -> _Seen | None:
+def _seen(readjuster: Readjuster, solved: SolvedBlock) -> Seen | None:
     """Return control and check points as the photos see them; None where the photos do not fit without them."""
     block = readjuster.block
     placed = without_control(block, [point.name for point in block.control_points])
@@ -199,14 +129,14 @@ def _has_positions(block: Block) -> bool:
     return of_elements or any(station.has_position for station in block.stations)
 
 
-def _in_network(block: Block, adjusted: SolvedBlock, is_placed: bool) -> _Seen | None:
+def _in_network(block: Block, adjusted: SolvedBlock, is_placed: bool) -> Seen | None:
     place = adjusted.block.point_index()
     points = [
         point
         for point in block.control_points
         if point.name in place and point.kind in ("control", "check") and None not in point.coordinates[:2]
     ]
-    if not _FEWEST <= len(points) <= _MOST:
+    if not FEWEST_POINTS <= len(points) <= _MOST:
         return None
     figures = [point_figures(adjusted, place[point.name]) for point in points]
     spread = covariance(adjusted, figures, figures)
@@ -220,66 +150,17 @@ def _in_network(block: Block, adjusted: SolvedBlock, is_placed: bool) -> _Seen |
     errors = np.where(errors == -_MARK, usual, np.abs(errors))
     found = adjusted.block.ground.to_project(adjusted.state.points[[place[point.name] for point in points]])
     names = tuple(point.name for point in points)
-    return _Seen(names, given, errors, found, spread, adjusted.state.rotations, is_placed)
-
-
-def _fitted(seen: _Seen, change: _Change) -> _Fitted | None:
-    """Fit the network to the control as it may have been meant; None where that is not determined."""
-    used = np.isfinite(change.meant) & np.isfinite(seen.errors) & ~change.left_out
-    full = used.all(axis=1)
-    if np.count_nonzero(full) < _FEWEST - 1:
-        return None
-    middle, centre = np.mean(change.meant[full], axis=0), np.mean(seen.found[full], axis=0)
-    source, target = seen.found - centre, change.meant - middle
-    try:
-        similarity = fit_similarity(source[full], target[full])
-    except ValueError:
-        return None
-    if seen.is_placed:
-        similarity = replace(similarity, scale=1.0, rotation=np.eye(3), shift=np.zeros(3))
-    if change.price and (similarity.rotation @ seen.rotations)[:, 2, 2].mean() < _LOOKS_UP:
-        return None
-    at, rows = several([similarity]), used.ravel()
-    for _ in range(_ROUNDS):
-        value, by_unknowns = (of[0] for of in similarity_with_partials(at, source))
-        partials = by_unknowns.reshape(-1, 7)
-        partials = partials[:, 1:4] if seen.is_placed else partials
-        turn = along_diagonal(*(at.scale[0] * at.rotation[0] for _ in seen.names))
-        own = turn @ seen.spread @ turn.T
-        if not np.isfinite(own).all() or not np.isfinite(value).all():
-            return None
-        weight = inverse_of_covariance((own + np.diag(np.nan_to_num(seen.errors.ravel()) ** 2))[np.ix_(rows, rows)])
-        off = (target - value).ravel()[rows]
-        normals = np.linalg.pinv(partials[rows].T @ weight @ partials[rows])
-        step = normals @ partials[rows].T @ weight @ off
-        if not seen.is_placed and abs(step[0]) > _NEAR_START:
-            return None  # nothing of the kind fits
-        off = off - partials[rows] @ step
-        moved = np.zeros((1, 7))
-        moved[0, 1:4] = step if seen.is_placed else step[1:4]
-        if not seen.is_placed:
-            moved[0, [0, 4, 5, 6]] = step[[0, 4, 5, 6]]
-        at = at.moved(moved)
-        if np.abs(partials @ step).max() < _SETTLED * float(np.ptp(target[used])):
-            break
-    # what the others say of a coordinate that is left out: its residual is predicted from theirs
-    gain = own[:, rows] @ weight
-    predicted = at.apply(source)[0].ravel() + gain @ off
-    through = partials - gain @ partials[rows]
-    variances = np.diag(own - gain @ own[rows] + through @ normals @ through.T)
-    cost = 0.5 * float(off @ weight @ off)
-    sd = np.sqrt(np.maximum(variances, 0.0)).reshape(-1, 3)
-    return _Fitted(change, cost, int(np.count_nonzero(rows)) - partials.shape[1], predicted.reshape(-1, 3) + middle, sd)
+    return Seen(names, given, errors, found, spread, adjusted.state.rotations, is_placed)
 
 
 # ---------------------------------------------------------------------------------------------------------- hypotheses
 
 
-def _as_given(seen: _Seen) -> _Change:
-    return _Change(seen.given, np.zeros(seen.given.shape, dtype=bool), 0.0, (), 1.0)
+def _as_given(seen: Seen) -> Change:
+    return Change(seen.given, np.zeros(seen.given.shape, dtype=bool), 0.0, (), 1.0)
 
 
-def _changes(seen: _Seen, as_given: _Fitted | None) -> Iterator[_Change]:
+def _changes(seen: Seen, as_given: Fitted | None) -> Iterator[Change]:
     """Yield what may have been mistaken: names of two, axes or coordinates of one, heights of some or of all."""
     given = _as_given(seen)
     rows = range(len(seen.names))
@@ -304,7 +185,7 @@ def _changes(seen: _Seen, as_given: _Fitted | None) -> Iterator[_Change]:
         yield given._replace(meant=seen.given * [1.0, 1.0, factor], price=_OF_ALL, factor=factor)
 
 
-def _highest_and_lowest(as_given: _Fitted | None) -> Iterator[tuple[int, ...]]:
+def _highest_and_lowest(as_given: Fitted | None) -> Iterator[tuple[int, ...]]:
     """Yield the points that are given highest above the network, or farthest below it: four of them, or more."""
     if as_given is None:
         return
@@ -318,7 +199,7 @@ def _highest_and_lowest(as_given: _Fitted | None) -> Iterator[tuple[int, ...]]:
 # -------------------------------------------------------------------------------------------------------------- texts
 
 
-def _said(block: Block, seen: _Seen, best: _Fitted, others: list[_Fitted]) -> list[ProjectWarning]:
+def _said(block: Block, seen: Seen, best: Fitted, others: list[Fitted]) -> list[ProjectWarning]:
     """Return the warning of the change that explains most; of single points that explain as much, of all of them."""
     kinds = {point.name: point.kind for point in block.control_points}
     change = best.change
@@ -354,13 +235,13 @@ def _of_heights(factor: float) -> ProjectWarning:
     return ProjectWarning(CONTROL_HEIGHTS, "control points", text)
 
 
-def _of_other_heights(block: Block, seen: _Seen, best: _Fitted) -> list[ProjectWarning]:
+def _of_other_heights(block: Block, seen: Seen, best: Fitted) -> list[ProjectWarning]:
     """Return that the heights of some points are off alike, if they are."""
     rows = list(best.change.points)
     off, sd = seen.given[rows, 2] - best.placed[rows, 2], best.sd[rows, 2]
     by = float(np.mean(off))
     size = abs(by) * METRES_PER_GROUND_UNIT.get(block.ground_unit, np.inf)
-    if np.abs(off - by).max() > _CHANCE * _OPTIMISTIC * float(sd.max()) or size < _SHORTEST_POLE:
+    if np.abs(off - by).max() > CHANCE * OPTIMISTIC * float(sd.max()) or size < _SHORTEST_POLE:
         return []
     is_pole = size < _LONGEST_POLE
     cause = (
@@ -380,7 +261,7 @@ def _of_exchange(block: Block, one: str, other: str) -> ProjectWarning:
     return ProjectWarning(EXCHANGED_CONTROL, "", f"control points {one} and {other} {text}{which}")
 
 
-def _of_one_of(block: Block, seen: _Seen, alike: Mapping[int, _Fitted]) -> ProjectWarning:
+def _of_one_of(block: Block, seen: Seen, alike: Mapping[int, Fitted]) -> ProjectWarning:
     """Return that one of several points is wrong, with what each would be off by."""
     off = []
     for row, found in alike.items():

@@ -1,28 +1,29 @@
 """Rigs that photos contradict: a camera mounted elsewhere, two cameras exchanged, a photo of another instant.
 
-The block is adjusted with all photos on their own, from where it is; if they do not fit so, with unknown mountings from
-nothing. How each camera is mounted follows from the exposures, robustly; it is compared with what is given, and each
-photo with the others of its exposure.
+The block is adjusted with all photos on their own, and with all mountings as unknowns, from where it is, or from
+nothing where mountings lead astray. Mountings are compared with what is given once as good as one photo has them, and
+then with the covariance that the block gives them: a turn that no photo shows by itself is seen. The photos of an
+exposure are compared with each other where they do not fit a rig of any mountings.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from orip.adjustment.outlier_tests import chi_square_tail
 from orip.arrays import FloatArray
+from orip.bundle.unknowns import CONSTANT
 from orip.errors import ProjectWarning
-from orip.geometry.rotation import (
-    angles_from_rotation,
-    cross_matrix,
-    rotation_from_angles,
-    rotation_vectors_with_partials,
-)
-from orip.mistakes.hypothesis import Fit, Misfit, Readjuster, fit_of_adjustment, is_good
+from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
+from orip.mistakes.camera_values import with_unknown
+from orip.mistakes.hypothesis import DECIDED, Fit, Misfit, Readjuster, fit_of_adjustment, is_good
 from orip.mistakes.mistake import ANOTHER_START, ON_GROUND, Consequence, declare
-from orip.mistakes.rigs.misread_mountings import Pose, other_mountings
+from orip.mistakes.rigs.compared_poses import FoundPoses, Pose, poses_off, square_sum
+from orip.mistakes.rigs.misread_mountings import other_mountings
+from orip.records.block import Block
 from orip.records.observation_kinds import MOUNTING as OBSERVED_MOUNTING
 from orip.records.observation_kinds import PHOTO_POINT
 from orip.records.rig import Mounting, Rig, Rigs
@@ -48,10 +49,6 @@ _SHARE = 0.15
 _OFF = 3.0
 """Standard errors beyond which a ray does not fit."""
 
-_LIMIT = 60.0
-"""Square of a difference of six elements, over their covariance, from which it is no chance: 22 has a probability of
-0.1 %, and correlations between photos are neglected."""
-
 _EXPLAINED, _CERTAINLY = 1.0 / 3.0, 1e-3
 """Part of the square sum of differences that is left where mountings are read as they were meant, and one that no
 other reading leaves."""
@@ -59,22 +56,20 @@ other reading leaves."""
 _LEAST_FALL = 25.0
 """Least fall of that square sum; of thirty readings, by chance, none."""
 
-_AS_GIVEN = np.diag([1e-12] * 3 + [1e-16] * 3)
-"""Least covariance of a mounting: the first of a rig is constant."""
+_LEAST_VARIANCES = np.array([1e-12] * 3 + [1e-16] * 3)
+"""Of a mounting: the first of a rig is constant."""
 
 _AS_WELL = 1.01
 """Ratio of two of these parts up to which one reading is as likely as the other: of a rig of two cameras the inverse
 mounting is that of the exchanged ones."""
 
+_OF_A_LENS = ("C", "DX", "DY", "A3")
+
+_BY_CHANCE = float(np.log(1e-4))
+"""Logarithm of the probability below which photos on their own fit better than chance has it."""
+
 _NOT_GIVEN = 10.0
 """Error of an offset that is not given, in the largest one; of a rotation 1 radian."""
-
-
-class _Found(NamedTuple):
-    """Cameras of a rig as k photos have them: poses and covariances (6, 6), by camera."""
-
-    poses: dict[int, Pose]
-    covariances: dict[int, FloatArray]
 
 
 def contradicting_rigs(misfit: Misfit) -> list[ProjectWarning]:
@@ -82,31 +77,77 @@ def contradicting_rigs(misfit: Misfit) -> list[ProjectWarning]:
     solved, readjuster = misfit.solved, misfit.readjuster
     if solved.problem.unknowns.rigs is None or not readjuster.is_worthwhile:
         return []
-    is_doubtful = _is_doubtful(fit_of_adjustment(solved))
-    if not (is_doubtful or any(group.doubted for group in misfit.solution.groups)):
-        return []
     said = readjuster.block.rigs
-    for free in _without_mountings(solved, readjuster):
-        if free is not None and is_good(fit_of_adjustment(free)) and _has_most_photos(free, said):
-            found = list(_wrong_mountings(free, said)) or list(_other_instants(free, said))
-            if found or is_doubtful:
-                return found
-    return []
+    unknown = _with_unknown_mountings(said)
+    is_doubted = _is_doubtful(fit_of_adjustment(solved)) or any(group.doubted for group in misfit.solution.groups)
+    if not is_doubted and unknown == said:
+        return []
+    started = _from_state(solved, readjuster.block)
+    alone = _fitting(replace(started, rigs=Rigs()), readjuster, said) if is_doubted else None
+    # mountings that are far off lead astray, and are found from nothing where photos on their own do not fit
+    near = alone if is_doubted else solved
+    starts = [*([] if near is None else [_from_state(near, started)]), *([readjuster.block] if is_doubted else [])]
+    tried = (_fitting(replace(start, rigs=unknown), readjuster, said) for start in starts)
+    mounted = solved if unknown == said else next((one for one in tried if one is not None), None)
+    for free, as_of_photos in ((alone, True), (mounted, False)):
+        if free is not None and (found := list(_wrong_mountings(free, said, as_of_photos=as_of_photos))):
+            return _unless_lens(found, mounted, started, readjuster)
+    if alone is None or (mounted is not None and _fits_as_well(mounted, alone)):
+        return []
+    return list(_other_instants(alone, said))
 
 
-def _without_mountings(solved: SolvedBlock, readjuster: Readjuster) -> Iterator[SolvedBlock | None]:
-    """Yield adjustments with all photos on their own, from where the block is, and with mountings from nothing.
+def _from_state(solved: SolvedBlock, block: Block) -> Block:
+    """Return the block with its photos where an adjustment has them; as it is where that has not all of them."""
+    names = {photo.name: row for row, photo in enumerate(solved.block.photos)}
+    if any(photo.name not in names for photo in block.photos):
+        return block
+    orientation = np.hstack([solved.state.centres, angles_from_rotation(solved.state.rotations)])
+    rows = np.array([names[photo.name] for photo in block.photos])
+    return replace(block, photo_orientation=orientation[rows])
+
+
+def _fitting(block: Block, readjuster: Readjuster, given: Rigs) -> SolvedBlock | None:
+    """Return the adjustment of a block with other rigs if it fits and determines most photos.
 
     Cameras without a common view need the rig.
     """
-    block, state = readjuster.block, solved.state
-    names = {photo.name: row for row, photo in enumerate(solved.block.photos)}
-    if all(photo.name in names for photo in block.photos):
-        orientation = np.hstack([state.centres, angles_from_rotation(state.rotations)])
-        rows = np.array([names[photo.name] for photo in block.photos])
-        yield readjuster.adjust(replace(block, rigs=Rigs(), photo_orientation=orientation[rows]))
-    if (unknown := _with_unknown_mountings(block.rigs)) != block.rigs:
-        yield readjuster.adjust(replace(block, rigs=unknown))
+    solved = readjuster.adjust(block)
+    if solved is None or not is_good(fit_of_adjustment(solved)) or not _has_most_photos(solved, given):
+        return None
+    return solved
+
+
+def _fits_as_well(mounted: SolvedBlock, alone: SolvedBlock) -> bool:
+    """Return whether photos of a rig fit as well as on their own: these have more unknowns, and nothing else."""
+    more = alone.problem.layout.size - mounted.problem.layout.size
+    square = 2.0 * (_cost(mounted) - _cost(alone)) / alone.deviation_scale**2
+    return more > 0 and chi_square_tail(square, float(more)) > _BY_CHANCE
+
+
+def _cost(solved: SolvedBlock) -> float:
+    return float(solved.weighing.cost(solved.equations))
+
+
+def _unless_lens(
+    found: list[ProjectWarning], mounted: SolvedBlock | None, block: Block, readjuster: Readjuster
+) -> list[ProjectWarning]:
+    """Return the warnings about mountings, where what is held of the lenses of rigs does not explain the misfit.
+
+    A principal point that is wrong turns the photos of a camera nearly alike.
+    """
+    for row in np.unique(block.photo_camera[[one.photo for one in block.places_on_rigs().photos]]).tolist():
+        block = with_unknown(block, row, *_OF_A_LENS)
+    lenses = readjuster.adjust(block)
+    if lenses is None or not is_good(fit_of_adjustment(lenses)):
+        return found
+    more = _cost(lenses) - (np.inf if mounted is None else _cost(mounted))
+    if more > DECIDED:
+        return found
+    if more < -DECIDED:
+        return []
+    other = "; or check the calibration of the cameras, which explains as much"
+    return [replace(one, text=one.text + other) for one in found]
 
 
 def _has_most_photos(free: SolvedBlock, given: Rigs) -> bool:
@@ -130,42 +171,49 @@ def _is_doubtful(given: Fit) -> bool:
     )
 
 
-def _wrong_mountings(alone: SolvedBlock, given: Rigs) -> Iterator[ProjectWarning]:
-    """Yield what is wrong with mountings; where they were unknowns, small differences only if a reading explains them.
+def _wrong_mountings(free: SolvedBlock, given: Rigs, *, as_of_photos: bool) -> Iterator[ProjectWarning]:
+    """Yield what is wrong with mountings.
 
-    What is held of a lens may be wrong, and moves them, too.
+    `free` has photos on their own, or mountings as unknowns; these are as good as they are in it, or as they are from
+    one photo.
     """
-    from orip.bundle.results.ground import reduced_cofactors
-
-    state, covariances = _free(alone, given)
-    columns = alone.problem.unknowns.rigs
-    of_mountings = None
-    if columns is not None:
-        of_mountings = _AS_GIVEN + alone.deviation_scale**2 * reduced_cofactors(alone, columns.mountings)
-    places = replace(alone.block, rigs=given).places_on_rigs()
+    state, of_photos = _free(free, given)
+    covariance = _mean_covariances(state, of_photos) if as_of_photos else _covariance_of_mountings(free)
+    places = replace(free.block, rigs=given).places_on_rigs()
     for rig in given.rigs:
         rows = [row for row, camera in enumerate(places.mounted) if camera.rig == rig.name]
         said: dict[int, Pose] = {}
-        errors: dict[int, FloatArray] = {}
+        of_given: list[FloatArray] = []
         largest = np.linalg.norm(state.offsets[rows], axis=1).max(initial=0.0)
         for row in rows:
             mounting = places.mounted[row].mounting
-            if mounting.offset is not None or mounting.rotation is not None:
-                said[row], errors[row] = _given(mounting, (state.offsets[row], state.mountings[row]), largest)
+            is_determined = np.isfinite(covariance[6 * row : 6 * row + 6]).any()
+            if (mounting.offset is not None or mounting.rotation is not None) and is_determined:
+                said[row], variances = _given(mounting, (state.offsets[row], state.mountings[row]), largest)
+                of_given.append(variances)
         if len(said) < 2:
             continue
-        found = {row: (state.offsets[row], state.mountings[row]) for row in said}
-        of_found = {row: _mean_covariance(state, covariances, row) + errors[row] for row in said}
+        mine = np.concatenate([6 * row + np.arange(6) for row in said])
+        both = covariance[np.ix_(mine, mine)] + np.diag(np.concatenate(of_given))
+        found = FoundPoses({row: (state.offsets[row], state.mountings[row]) for row in said}, both)
         names = {row: places.mounted[row].mounting.name for row in said}
-        warnings = list(_compared(said, _Found(found, of_found), names, rig.name, alone.block.ground_unit))
-        if not warnings and of_mountings is not None:
-            of_found = {row: of_mountings[row] + errors[row] for row in said}
-            warnings = list(_read_otherwise(said, _Found(found, of_found), names, rig.name))
-        yield from warnings
+        yield from _compared(said, found, names, rig.name, free.block.ground_unit)
+
+
+def _covariance_of_mountings(free: SolvedBlock) -> FloatArray:
+    """Return the covariance (6 c, 6 c) of mountings that are unknowns; NaN of those that are not determined."""
+    assert free.problem.unknowns.rigs is not None, "there are rigs"
+    columns = free.problem.unknowns.rigs.mountings
+    unknown = np.flatnonzero(columns.ravel() != CONSTANT)
+    found = np.diag(np.tile(_LEAST_VARIANCES, len(columns)))
+    found[np.ix_(unknown, unknown)] += free.deviation_scale**2 * free.cofactors_of(columns.ravel()[unknown])
+    undetermined = np.repeat(free.is_undetermined(columns).any(axis=1), 6)
+    found[undetermined] = found[:, undetermined] = np.nan
+    return found
 
 
 def _given(mounting: Mounting, found: Pose, largest: float) -> tuple[Pose, FloatArray]:
-    """Return a mounting as it is given, with its covariance (6, 6); what is not given is as found, and uncertain."""
+    """Return a mounting as it is given, with its variances (6,); what is not given is as found, and uncertain."""
     offset, rotation = found
     error = np.array([_NOT_GIVEN * largest] * 3 + [1.0] * 3)
     of_given = np.array([value or 0.0 for value in mounting.errors])
@@ -174,16 +222,16 @@ def _given(mounting: Mounting, found: Pose, largest: float) -> tuple[Pose, Float
     if mounting.rotation is not None:
         rotation = rotation_from_angles(np.array(mounting.rotation) * RADIANS_PER_DEGREE)
         error[3:] = of_given[3:] * RADIANS_PER_DEGREE
-    return (offset, rotation), np.diag(error**2)
+    return (offset, rotation), error**2
 
 
 def _compared(
-    said: dict[int, Pose], found: _Found, names: dict[int, str], rig: str, unit: str
+    said: dict[int, Pose], found: FoundPoses, names: dict[int, str], rig: str, unit: str
 ) -> Iterator[ProjectWarning]:
     if readings := list(_read_otherwise(said, found, names, rig)):
         yield from readings
         return
-    off = _off(said, found)
+    off = poses_off(said, found)
     for row, (shift, turn) in off.items():
         text = (
             f"camera {names[row]} is mounted {np.linalg.norm(turn) * DEGREES_PER_RADIAN:.2g} degrees and "
@@ -193,17 +241,21 @@ def _compared(
         yield ProjectWarning(MOUNTING, f"camera {names[row]}", text)
 
 
-def _read_otherwise(said: dict[int, Pose], found: _Found, names: dict[int, str], rig: str) -> Iterator[ProjectWarning]:
+def _read_otherwise(
+    said: dict[int, Pose], found: FoundPoses, names: dict[int, str], rig: str
+) -> Iterator[ProjectWarning]:
     """Yield as what the mountings of a rig were probably meant, if they are off and not so."""
-    off, size = _off(said, found), _size(said, found)
+    off, size = poses_off(said, found), square_sum(said, found)
     if size < _LEAST_FALL:
         return
-    readings = [(_size(meant.poses, found) / size, meant) for meant in other_mountings(said, list(off), names, rig)]
+    readings = [
+        (square_sum(meant.poses, found) / size, meant) for meant in other_mountings(said, list(off), names, rig)
+    ]
     likely = [
         (left, meant)
         for left, meant in sorted(readings, key=lambda reading: reading[0])
         if left < _CERTAINLY
-        or (left < _EXPLAINED and size * (1.0 - left) > _LEAST_FALL and not _off(meant.poses, found))
+        or (left < _EXPLAINED and size * (1.0 - left) > _LEAST_FALL and not poses_off(meant.poses, found))
     ]
     if likely:
         least, first = likely[0]
@@ -222,7 +274,7 @@ def _other_instants(alone: SolvedBlock, given: Rigs) -> Iterator[ProjectWarning]
         poses = {row: (alone.state.centres[photo], alone.state.rotations[photo]) for row, photo in photos.items()}
         mounted = dict(zip(members.tolist(), state.mounted[members].tolist(), strict=True))
         said = {row: (state.offsets[camera], state.mountings[camera]) for row, camera in mounted.items()}
-        off = _off(said, _Found(poses, {row: covariances[row] for row in members.tolist()}))
+        off = poses_off(said, FoundPoses(poses, _block_diagonal(covariances[members])))
         if not off:
             continue
         names = [block.photos[photos[row]].name for row in (off if len(said) > 2 else said)]
@@ -255,78 +307,21 @@ def _with_unknown_mountings(given: Rigs) -> Rigs:
     return replace(given, rigs=tuple(rigs))
 
 
-def _mean_covariance(state: RigState, covariances: FloatArray, camera: int) -> FloatArray:
-    """Return the covariance (6, 6) of the mounting of a camera, along the axes of the rig."""
-    rows = np.flatnonzero(state.mounted == camera)
-    turns = np.zeros((len(rows), 6, 6))
-    turns[:, :3, :3] = turns[:, 3:, 3:] = np.swapaxes(state.rotations[state.exposure[rows]], 1, 2)
-    # as of one photo: what a lens takes up displaces all photos of the camera alike
-    return np.asarray((turns @ covariances[rows] @ np.swapaxes(turns, 1, 2)).mean(axis=0))
+def _mean_covariances(state: RigState, covariances: FloatArray) -> FloatArray:
+    """Return the covariance (6 c, 6 c) of the mountings, along the axes of the rig, as of one photo of each camera.
 
-
-def _off(said: dict[int, Pose], found: _Found) -> dict[int, tuple[FloatArray, FloatArray]]:
-    """Return the cameras that are not where the others, put where they are, have them: shift (3,), rotation (3,).
-
-    Left out one after the other, that which fits least first; of two cameras it is the second one.
+    What a lens takes up displaces all photos of the camera alike.
     """
-    left, off = list(said), []
-    while len(left) > 1:
-        tested = left if len(left) > 2 else left[1:]
-        squares = [_against_others(said, found, left, row)[1] for row in tested]
-        if max(squares) <= _LIMIT:
-            break
-        off.append(tested[int(np.argmax(squares))])
-        left.remove(off[-1])
-    differences = {row: _against_others(said, found, left, row)[0] for row in said if row in off}
-    return {row: (difference[:3], difference[3:]) for row, difference in differences.items()}
+    found = np.zeros((len(state.offsets), 6, 6))
+    turns = np.zeros((len(state.photo), 6, 6))
+    turns[:, :3, :3] = turns[:, 3:, 3:] = np.swapaxes(state.rotations[state.exposure], 1, 2)
+    np.add.at(found, state.mounted, turns @ covariances @ np.swapaxes(turns, 1, 2))
+    return _block_diagonal(found / np.bincount(state.mounted)[:, None, None])
 
 
-def _against_others(said: dict[int, Pose], found: _Found, others: list[int], row: int) -> tuple[FloatArray, float]:
-    """Return shift and rotation (6,) of a camera against where others have it, and their square over the covariance.
-
-    The others are put where they are by least squares.
-    """
-    others = [other for other in others if other != row]
-    normals, right = np.zeros((6, 6)), np.zeros(6)
-    for other in others:
-        difference, arm = _difference(said, found.poses, others[0], other)
-        moved = _by_motion(arm)
-        weighted = moved.T @ np.linalg.pinv(found.covariances[other], hermitian=True)
-        normals += weighted @ moved
-        right += weighted @ difference
-    cofactors = np.linalg.pinv(normals, hermitian=True)
-    difference, arm = _difference(said, found.poses, others[0], row)
-    moved = _by_motion(arm)
-    difference = difference - moved @ cofactors @ right
-    covariance = found.covariances[row] + moved @ cofactors @ moved.T
-    return difference, float(difference @ np.linalg.pinv(covariance, hermitian=True) @ difference)
-
-
-def _by_motion(arm: FloatArray) -> FloatArray:
-    """Return the partials (6, 6) of place and rotation at the end of an arm by shift and rotation at its beginning."""
-    partials = np.eye(6)
-    partials[:3, 3:] = -cross_matrix(arm[None])[0]
-    return partials
-
-
-def _size(said: dict[int, Pose], found: _Found) -> float:
-    """Return the least sum of squares of differences, over their covariances, that an anchor leaves."""
-    sums = []
-    for anchor in said:
-        total = 0.0
-        for row in said:
-            difference, _ = _difference(said, found.poses, anchor, row)
-            covariance = found.covariances[row] + found.covariances[anchor]
-            total += float(difference @ np.linalg.pinv(covariance, hermitian=True) @ difference)
-        sums.append(total)
-    return min(sums)
-
-
-def _difference(said: dict[int, Pose], found: dict[int, Pose], anchor: int, row: int) -> tuple[FloatArray, FloatArray]:
-    """Return shift and rotation (6,) of a pose against where an anchor has it, and the arm (3,) from the anchor."""
-    (offset, mounting), (place, rotation) = said[anchor], found[anchor]
-    to_found = rotation @ mounting.T
-    arm = to_found @ (said[row][0] - offset)
-    turn = found[row][1] @ (to_found @ said[row][1]).T
-    vector = rotation_vectors_with_partials(turn[None])[0][0]
-    return np.concatenate([found[row][0] - place - arm, vector]), arm
+def _block_diagonal(covariances: FloatArray) -> FloatArray:
+    """Return a covariance (6 k, 6 k) with no correlations between k poses."""
+    count = len(covariances)
+    found = np.zeros((count, 6, count, 6))
+    found[np.arange(count), :, np.arange(count)] = covariances + np.diag(_LEAST_VARIANCES)
+    return found.reshape(6 * count, 6 * count)

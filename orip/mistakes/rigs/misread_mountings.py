@@ -10,11 +10,9 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
+from orip.mistakes.rigs.compared_poses import Pose
 from orip.units import DEGREES_PER_RADIAN
 from orip.wording import joined
-
-Pose = tuple[FloatArray, FloatArray]
-"""Place (3,) and rotation (3, 3)."""
 
 
 class OtherMountings(NamedTuple):

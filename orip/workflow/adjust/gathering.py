@@ -48,6 +48,7 @@ def unread_files(bundle: BundleState, control: Control) -> Iterator[ProjectWarni
         return
     if not has_control:
         yield from _workbooks(project, bundle.name)
+        yield from _without_points(project, bundle, control)
     known_points = frozenset[str]() if has_control else frozenset(measured)
     for path, names in tables_in_folder(project.folder).items():
         known = [name for name in names if name in known_points]
@@ -64,6 +65,18 @@ def unread_files(bundle: BundleState, control: Control) -> Iterator[ProjectWarni
         else:
             continue
         yield ProjectWarning(UNREAD_FILE, project.shown(path), text)
+
+
+def _without_points(project: ProjectFolder, bundle: BundleState, control: Control) -> Iterator[ProjectWarning]:
+    """Yield a warning of a file of control points that has none, where nothing else gives the ground system."""
+    path = project.folder / f"{project.control_base(bundle.name)}.PNT"
+    given = control.points or control.stations or control.elements or bundle.definition.datum == "free"
+    if given or not path.exists():
+        return
+    text = (
+        "there is no control point in this file; write each as a line, name X Y Z and their errors, separated by blanks"
+    )
+    yield ProjectWarning(UNREAD_FILE, project.shown(path), text)
 
 
 _WORKBOOKS = frozenset({".xls", ".xlsx", ".ods"})

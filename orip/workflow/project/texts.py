@@ -15,7 +15,7 @@ from typing import Any
 
 from msgspec import Struct
 
-from orip.errors import Complaint, InputError, NoProjectError
+from orip.errors import Complaint, InputError, NoProjectError, ProjectWarning
 from orip.files.control.preliminary_text import read_preliminary
 from orip.files.control.reader import in_degrees, read_control
 from orip.files.control.stations_text import read_stations
@@ -271,8 +271,24 @@ def _read_log(project: ProjectFolder, listed: Parsed[tuple[Path, ...]]) -> Parse
     return Parsed(
         MeasurementLog(listed.value, tuple(record for outcome in outcomes for record in outcome.value), digests),
         (*listed.complaints, *(complaint for outcome in outcomes for complaint in outcome.complaints)),
-        tuple(warning for outcome in outcomes for warning in outcome.warnings),
+        (*(warning for outcome in outcomes for warning in outcome.warnings), *_of_whole_files(digests, outcomes)),
     )
+
+
+def _of_whole_files(digests: Digests, outcomes: Sequence[Parsed[Any]]) -> Iterator[ProjectWarning]:
+    """Yield a warning of each file that is a copy of another one, and of each where all are without measurements."""
+    is_empty = not any(outcome.value or outcome.complaints for outcome in outcomes)
+    originals: dict[str, str] = {}
+    for shown, digest in digests:
+        original = originals.setdefault(digest, shown)
+        if is_empty:
+            text = (
+                "nothing is measured in this file; write a line POINTS bundle photo and below it name x y of each point"
+            )
+            yield ProjectWarning("nothing-measured", shown, text)
+        elif original != shown:
+            text = f"is the same as {original}: all of it is measured twice; remove one of the two files"
+            yield ProjectWarning("same-measurements", shown, text)
 
 
 def log_digests(project: ProjectFolder, files: Sequence[Path]) -> Digests:

@@ -158,8 +158,10 @@ def test_two_adjustments(project: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        (b"", "it is not JSON"),
-        (b"name,value\n", "it is not JSON"),
+        (b"", "the file is empty"),
+        (b"name,value\n", "error: other.json:1:1: this is not the result of an adjustment: this is not JSON; name a"),
+        (b'{"schema":\n', "other.json:1:11: this is not the result of an adjustment: the file is cut off"),
+        (b"{}\n{}", "other.json:2:1: this is not the result of an adjustment: something follows the end"),
         (b"[1, 2]", '"schema" is not "orip.result/2"'),
         (b'{"schema": "orip.error/1"}', '"schema" is not "orip.result/2"'),
         (b'{"schema": "orip.result/2"}', "'status' is not a text"),

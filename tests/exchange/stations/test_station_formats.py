@@ -290,11 +290,28 @@ def test_lengths_are_in_the_unit_of_the_heading(tmp_path: Path) -> None:
 
 
 def test_columns_that_are_named(tmp_path: Path) -> None:
-    text = "Bild,Rechts,Hoch,Hoehe\nP1,1,2,3\n"
+    text = "Kuva,Ita,Pohjoinen,Korkeus\nP1,1,2,3\n"
     (said,) = complaints(tmp_path, "a.csv", text)
-    assert "no column is known as photo or time; the headings are: Bild, Rechts, Hoch, Hoehe" in said
-    columns = {"photo": "Bild", "X": "Rechts", "Y": "Hoch", "Z": "Hoehe"}
+    assert "no column is known as photo or time; the headings are: Kuva, Ita, Pohjoinen, Korkeus" in said
+    columns = {"photo": "Kuva", "X": "Ita", "Y": "Pohjoinen", "Z": "Korkeus"}
     assert read(tmp_path, "a.csv", text, columns=columns).place.tolist() == [[1, 2, 3]]
+
+
+@pytest.mark.parametrize(
+    "heading",
+    ["Bild;Rechtswert;Hochwert;Höhe", "Nom;Est;Nord;Altitude", "Foto;Este;Norte;Altura (m)", "sep=;\nname;E;N;H"],
+)
+@pytest.mark.parametrize("encoding", ["utf-8", "cp1252", "utf-16"])
+def test_headings_of_other_languages_and_spreadsheets(tmp_path: Path, heading: str, encoding: str) -> None:
+    found = read(tmp_path, "a.csv", f"{heading}\nP1;1,5;2,5;3\n".encode(encoding))
+    assert found.photo == ("P1",)
+    assert found.place.tolist() == [[1.5, 2.5, 3.0]]
+
+
+def test_longitude_and_latitude_in_german(tmp_path: Path) -> None:
+    found = read(tmp_path, "a.csv", "Bild,Breite,Länge,Höhe\nP1,53,10,3\n")
+    assert found.is_geographic
+    np.testing.assert_allclose(np.degrees(found.place[0, :2]), [10.0, 53.0])
 
 
 def test_times_of_photos(tmp_path: Path) -> None:
@@ -315,6 +332,10 @@ def test_times_of_photos(tmp_path: Path) -> None:
         ("photo,X,Y,Z\nP1,1,,3\n", "a.csv:2", "a coordinate is missing"),
         ("photo,lon,lat,h\nP1,1,b,3\n", "a.csv:2:6", "'b' is not a number"),
         ("photo,lon,lat,h\nP1,1,100,3\n", "a.csv:1", "a latitude is beyond 90 degrees"),
+        ("P1,1,2,3\nP2,1,2,3\n", "a.csv:1", "the first line is no heading, but has numbers"),
+        ('<?xml version="1.0"?><kml>\n</kml>\n', "a.csv:1", "this is XML or JSON; export it as a table with a heading"),
+        ("<!DOCTYPE html>\n<p>Not found</p>", "a.csv", "this is no text, but a web page (HTML)"),
+        ("photo,X,Y,Z,omega,phi,kappa\nP1,1,2,3,0,0,399.9\n", "a.csv:1", "angles are beyond 360 degrees"),
         ("photo,time\nP1,2020-02-30T00:00:00\n", "a.csv:2:4", "is not a time"),
     ],
 )
