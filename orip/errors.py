@@ -174,7 +174,9 @@ class UnknownNameError(UsageError, KeyError):
     """
 
     def __init__(self, name: object, kind: str, known: Sequence[str]) -> None:
-        near = difflib.get_close_matches(str(name)[:_LONGEST_COMPARED], known[:_MOST_COMPARED], 1)
+        alike = {one.casefold().lstrip("0"): one for one in known}.get(str(name).casefold().lstrip("0"))
+        close = difflib.get_close_matches(str(name)[:_LONGEST_COMPARED], known[:_MOST_COMPARED], 1)
+        near = close if alike is None else [alike]
         remedy = f"did you mean {near[0]!r}?" if near else f"there are: {', '.join(known[:_MOST_LISTED])}"
         more = f" and {len(known) - _MOST_LISTED} more" if not near and len(known) > _MOST_LISTED else ""
         self._message = f"there is no {kind} {name!r}; {remedy}{more}"

@@ -55,6 +55,8 @@ FORMATS: tuple[Format, ...] = (
     CSV_FORMAT,
 )
 
+_ARCHIVES = frozenset({".zip", ".7z", ".rar", ".tar", ".gz", ".tgz", ".bz2", ".xz"})
+
 _MOST_FILES = 100
 """Of a folder, that are looked at."""
 
@@ -106,6 +108,9 @@ def guessed_source(path: Path) -> tuple[Format, Path]:
     if found and found[0][1] != path:
         files = ", ".join(f"{file.name} ({form.name})" for form, file in found)
         message = f"{path} has several files of other programs: {files}; name one of them"
+        raise UsageError(message)
+    if path.suffix.lower() in _ARCHIVES:
+        message = f"{path} is an archive; unpack it, and name the folder or file that was in it"
         raise UsageError(message)
     names = ", ".join(one.name for one, _ in found) or ", ".join(one.name for one in FORMATS_READ)
     what = "may be of several formats" if found else "looks like none of the formats"

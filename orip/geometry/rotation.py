@@ -62,7 +62,16 @@ def rotation_from_angles(angles: FloatArray) -> FloatArray:
         [co * sk + so * sp * ck, co * ck - so * sp * sk, -so * cp],
         [so * sk - co * sp * ck, so * ck + co * sp * sk, co * cp],
     ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    return _matrices(rows)
+
+
+def _matrices(rows: Sequence[Sequence[FloatArray]]) -> FloatArray:
+    """Return matrices (..., 3, 3) of elements (...), row by row."""
+    matrices = np.empty((*np.shape(rows[0][0]), 3, 3))
+    for number, row in enumerate(rows):
+        for column, elements in enumerate(row):
+            matrices[..., number, column] = elements
+    return matrices
 
 
 def angles_from_rotation(rotation: FloatArray) -> FloatArray:
@@ -164,7 +173,7 @@ def axes_rotation_from_angle_rates(angles: FloatArray) -> FloatArray:
     sp, cp = np.sin(angles[..., 1]), np.cos(angles[..., 1])
     one, zero = np.ones_like(so), np.zeros_like(so)
     rows = [[one, zero, sp], [zero, co, -so * cp], [zero, so, co * cp]]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    return _matrices(rows)
 
 
 def angle_rates_from_axes_rotation(angles: FloatArray) -> FloatArray:
@@ -176,7 +185,7 @@ def angle_rates_from_axes_rotation(angles: FloatArray) -> FloatArray:
     tp, cp = np.tan(angles[..., 1]), np.cos(angles[..., 1])
     one, zero = np.ones_like(so), np.zeros_like(so)
     rows = [[one, so * tp, -co * tp], [zero, co, so], [zero, -so / cp, co / cp]]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    return _matrices(rows)
 
 
 def angles_between(one: FloatArray, other: FloatArray) -> FloatArray:

@@ -90,6 +90,10 @@ _LEAST_SIGMA0 = 0.2
 """Standard error of unit weight below which a hypothesis explains nothing: errors that are too large fit anything."""
 
 
+_MIRRORED_ONE_BY_ONE = 40_000
+"""Photos that are tried as mirrored ones, times photo points of the block: a search for preliminary values for each."""
+
+
 def explain_misfit(
     solution: Solution,
     solved: SolvedBlock,
@@ -101,12 +105,10 @@ def explain_misfit(
 
     Parameters
     ----------
-    solution : Solution
     solved : SolvedBlock
         The adjustment that it comes from.
     started : Block
         The block with its starting values.
-    readjuster : Readjuster
     from_own_values : SolvedBlock or None
         Its adjustment without the given orientations; None: there was none yet.
     """
@@ -264,8 +266,12 @@ def _mirrored_as_a_whole(readjuster: Readjuster) -> list[ProjectWarning]:
 
 
 def _or_mirrored(moved: list[ProjectWarning], solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
-    """Return warnings of photos that are not where they were given; of a mirrored one, that it is that."""
-    return [_as_mirror_image(found, solved, readjuster) or found for found in moved]
+    """Return warnings of photos that are not where they were given; of a mirrored one, that it is that.
+
+    In a large block only the first ones are tried: where many have moved, hardly each of them is mirrored.
+    """
+    tried = max(_MIRRORED_ONE_BY_ONE // max(len(readjuster.block.photo_points.photo), 1), 1)
+    return [*(_as_mirror_image(found, solved, readjuster) or found for found in moved[:tried]), *moved[tried:]]
 
 
 def _as_mirror_image(found: ProjectWarning, solved: SolvedBlock, readjuster: Readjuster) -> ProjectWarning | None:

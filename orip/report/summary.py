@@ -11,6 +11,7 @@ from msgspec import Struct
 
 from orip.bundle.groups.words import EXPLAINED, probability_in_words
 from orip.bundle.verdict import MISTAKE, Level, Untested, group_findings, headline, sigma0_finding, sigma0_test
+from orip.number_text import one_fixed
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.results.solution import Solution
 from orip.records.results.tests import GateResult
@@ -148,7 +149,7 @@ def _trust(solution: Solution, gates: Sequence[GateResult]) -> Iterator[SummaryL
     yield SummaryLine("sigma0", f"{sigma0}, {tested}")
     size = f"{solution.observations} observations, {solution.unknowns} unknowns, redundancy {solution.redundancy}"
     down = (solution.residuals.weight_factor < 1.0).any()
-    yield SummaryLine("", f"{solution.sigma0_all:.4f} with none down-weighted; {size}" if down else size)
+    yield SummaryLine("", f"{one_fixed(solution.sigma0_all, 4)} with none down-weighted; {size}" if down else size)
     yield from _variance_components(solution)
     if solution.check_points:
         yield SummaryLine("check", re.sub(r"(?<=\d) (?!check|in )", _KEEP, check_point_finding(solution)))

@@ -131,12 +131,12 @@ def solve(
     return replace(solution, verdict=headline(solution, 0, sigma0_test(solution))[1]), adjusted.solved
 
 
-def adjust_bundle(inputs: BlockInput) -> SolvedBlock:
+def adjust_bundle(inputs: BlockInput, method: Method = PLAIN) -> SolvedBlock:
     """Return the block of a bundle as `solve_bundle` adjusts it, for work with its normal equations alone.
 
     What is wrong with it is not sought, which often takes longer than the adjustment.
     """
-    return _best_or_causes(_Adjuster(gather_bundle(inputs), PLAIN, NOBODY, pose_problem))[0].solved
+    return _best_or_causes(_Adjuster(gather_bundle(inputs), method, NOBODY, pose_problem))[0].solved
 
 
 def _with_mistakes_of_the_block(

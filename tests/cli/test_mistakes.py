@@ -83,8 +83,10 @@ def test_commands_out_of_order_say_which_comes_first(project: Path) -> None:
 
 def test_unknown_names_of_results(project: Path) -> None:
     orip(project, "run")
-    refused(orip(project, "results", "points", "999"), 2, "the solution has no point 999; 'orip results points' shows")
-    refused(orip(project, "results", "points", "p1"), 2, "no point p1")  # names of points are compared exactly
+    refused(orip(project, "results", "points", "999"), 2, "there is no point '999'; there are: ")
+    refused(
+        orip(project, "results", "points", "p1"), 2, "no point 'p1'; did you mean 'P1'?"
+    )  # names of points are compared exactly
     refused(orip(project, "results", "residuals", "x"), 2, "no residual belongs to x")
 
 

@@ -5,19 +5,18 @@ from __future__ import annotations
 import os
 import shlex
 import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from cli.command_line import orip
+from workflow.killed_orip import Steps
 from workflow.small_projects import REPOSITORY, contents
 
 from orip.files.project.file_names import IGNORED
 from orip.workflow.sample_projects import SAMPLES
 
 FOLDER = REPOSITORY / "sample_projects"
-KILLED_ORIP = Path(__file__).parents[1] / "workflow" / "killed_orip.py"
 SMALLEST = "dcs260_calibration"
 
 
@@ -126,14 +125,19 @@ def test_words_that_do_not_go_together(tmp_path: Path, words: tuple[str, ...], s
     assert contents(tmp_path) == {}
 
 
-def _killed(folder: Path, step: int) -> subprocess.CompletedProcess[str]:
-    words = [sys.executable, KILLED_ORIP, str(step), "init", "--sample", SMALLEST, "mine"]
-    return subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
+def _killed(folder: Path, step: int) -> int:
+    """Return the exit code of a process that is killed before a step; 0: it is let live, and writes their number."""
+    from hostile.killing import fork  # as it is of POSIX alone
+
+    return os.waitstatus_to_exitcode(fork(folder, ("init", "--sample", SMALLEST, "mine"), Steps(step)))
 
 
 @pytest.fixture(scope="module")
 def steps(tmp_path_factory: pytest.TempPathFactory) -> int:
-    return int(_killed(tmp_path_factory.mktemp("steps"), 0).stdout.splitlines()[-1])
+    folder = tmp_path_factory.mktemp("steps") / "counted"
+    folder.mkdir()
+    assert _killed(folder, 0) == 0
+    return int((folder.parent / "steps").read_text())
 
 
 def _chosen(steps: int) -> Iterator[int]:
@@ -146,7 +150,7 @@ def test_killed_it_leaves_no_project_and_repeated_it_is_whole(tmp_path: Path, st
     for step in _chosen(steps):
         folder = tmp_path / str(step)
         folder.mkdir()
-        assert _killed(folder, step).returncode == -9
+        assert _killed(folder, step) == -9
         assert not (folder / "mine").exists()
         assert orip(folder, "init", "--sample", SMALLEST, "mine").code == 0
         assert [path.name for path in folder.iterdir()] == ["mine"], "what was left is removed"
@@ -160,7 +164,7 @@ def test_killed_in_an_empty_folder_the_project_file_is_missing_and_repeated_it_i
     for step in (1, steps // 2):
         folder = tmp_path / str(step) / "mine"
         folder.mkdir(parents=True)
-        assert _killed(folder.parent, step).returncode == -9
+        assert _killed(folder.parent, step) == -9
         assert not (folder / "orip.toml").exists()
         assert orip(folder.parent, "init", "--sample", SMALLEST, "mine").code == 0
         assert set(contents(folder)) == {".gitignore", "orip.toml", "README.md", "DCS260.MEA", "DCS260.PNT"}

@@ -344,5 +344,6 @@ def test_a_folder_without_a_model(tmp_path: Path) -> None:
     parsed = read_model(tmp_path, "here")
     assert parsed.value is None
     assert "there is no model of COLMAP here" in str(parsed.complaints[0])
+    assert str(parsed.complaints[0]).endswith("; there is only cameras.txt")
     shutil.rmtree(tmp_path)
     assert read_model(tmp_path, "here").value is None

@@ -109,6 +109,19 @@ def folder_of(folder: Path, given: ExchangedProject, reference: tuple[float, flo
     return folder
 
 
+def test_marks_with_row_before_column_are_named(tmp_path: Path) -> None:
+    heading, *rows = control_list(block(READING), "WGS84 UTM 33N").splitlines()
+    fields = [row.split() for row in rows]
+    exchanged = [" ".join([*row[:3], row[4], row[3], *row[5:]]) for row in fields]
+    for control, said in ((rows, False), (exchanged, True)):
+        folder = tmp_path / str(said)
+        folder.mkdir()
+        folder_of(folder, block(READING), None, "\n".join([heading, *control]) + "\n")
+        done = orip(folder, "import", "opensfm", ".", "new").err
+        assert (" measurements are 50 px off and more, in photo " in done) == said
+        assert ("first: points GCP" in done and "the order of column and row" in done) == said
+
+
 @pytest.mark.parametrize("reference", [None, (0.0, 0.0)])
 def test_a_block_without_gnss_is_placed_by_its_control(tmp_path: Path, reference: tuple[float, float] | None) -> None:
     """It took five times as long, and was said to have exchanged columns and not to converge."""

@@ -281,6 +281,12 @@ def test_names_of_photos_in_lists_may_differ_in_case(tmp_path: Path) -> None:
     assert "2 marks of gcp_list.txt left out, as no oriented photo has the names there: gone.JPG." in project.notes
 
 
+def test_tracks_that_are_empty_are_told(tmp_path: Path) -> None:
+    folder = project_folder(tmp_path)
+    written(folder / "tracks.csv", "")
+    assert "tracks.csv is empty: tie points have no measurements." in read_well(read_opensfm, folder).notes
+
+
 def test_a_name_that_two_photos_have_but_for_case_is_not_guessed() -> None:
     names = PhotoNames(["a.jpg", "A.JPG", "b.jpg"])
     assert [names.place(name) for name in ("A.JPG", "a.JPG", "B.jpg", "ß.jpg")] == [1, None, 2, None]

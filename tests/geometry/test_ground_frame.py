@@ -17,8 +17,6 @@ from orip.errors import InputError
 from orip.geometry.ground_ellipsoid import geocentric_from_geographic, geographic_from_geocentric, place_axes
 from orip.geometry.ground_frame import GroundFrame, ground_frame
 
-US_FOOT = 1200.0 / 3937.0
-
 PROJECTS = {
     "EPSG:25832": ("m", (620000.0, 5550000.0, 300.0)),
     "EPSG:2056": ("m", (2650000.0, 1200000.0, 600.0)),

@@ -310,9 +310,7 @@ def run(place: Path, told: Path, words: list[str], *, tell_modules: bool = False
             sys.stdout, sys.stderr = (os.fdopen(descriptor, "w", encoding="utf-8") for descriptor in (1, 2))
             os.setpgid(0, 0)
             if not tell_modules:
-                most = BYTES + _bytes_of_this_process()
-                resource.setrlimit(resource.RLIMIT_AS, (most, most))
-                resource.setrlimit(resource.RLIMIT_FSIZE, (LARGEST, LARGEST))
+                limit_resources()
             with commands_put_together_once(), patch.object(sys, "argv", ["orip", "-C", str(place), *words]):
                 orip()
         except SystemExit as end:
@@ -382,9 +380,11 @@ def confined_strangers(
     return Counter({int(code): number for code, number in codes.items()}), found
 
 
-def _bytes_of_this_process() -> int:
-    """Return the addresses that this process has taken: the tests that ran before have loaded much."""
-    return int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+def limit_resources() -> None:
+    """Limit the memory and the files of this process; the tests that ran before have loaded much."""
+    most = BYTES + int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (most, most))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (LARGEST, LARGEST))
 
 
 def main() -> None:

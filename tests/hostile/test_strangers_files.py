@@ -24,8 +24,9 @@ from typing import Any
 import numpy as np
 import pytest
 from cli.command_line import orip as called
+from hostile.confinement import confined
 from hostile.killing import fork
-from hostile.strangers_projects import run, state_of
+from hostile.strangers_projects import SECONDS, limit_resources, run, state_of
 from support.long_cases import every, in_turn
 from workflow.killed_orip import Steps
 from workflow.small_projects import film_project, first_project
@@ -47,18 +48,37 @@ class Opened:
 
     def orip(self, words: str, place: Path | None = None) -> tuple[int, str]:
         """Run a command within its limits; it ends in words, and nothing beside the project has changed."""
-        code, told = run(place or self.project, self.folder / "told", shlex.split(words))
-        assert code in range(7), f"orip {words}: {code} {told}"
-        assert not re.search("internal error|Traceback|out of memory", told), told
-        assert not re.search("[\x00-\x08\x0b-\x1f\x7f-\x9f]", told), ascii(told)
+        ended = ended_in_words(words, *run(place or self.project, self.folder / "told", shlex.split(words)))
         assert state_of(self.home) == self.before
-        return code, told
+        return ended
+
+    def together(self, work: Callable[[Callable[[str], tuple[int, str]]], object]) -> None:
+        """Do some work that runs commands in the project, as `orip`, all of them in one forked process."""
+
+        def command(words: str) -> tuple[int, str]:
+            signal.alarm(SECONDS)
+            said = called(self.project, *shlex.split(words))
+            return ended_in_words(words, said.code, said.told)
+
+        def limit(_: Path) -> None:
+            signal.signal(signal.SIGALRM, signal.SIG_DFL)
+            limit_resources()
+
+        confined(limit, self.folder, lambda: work(command) and None)
+        assert state_of(self.home) == self.before
 
     def done(self, words: str, place: Path | None = None) -> str:
         """Run a command that has to succeed."""
         code, told = self.orip(words, place)
         assert code == 0, told
         return told
+
+
+def ended_in_words(words: str, code: int, told: str) -> tuple[int, str]:
+    assert code in range(7), f"orip {words}: {code} {told}"
+    assert not re.search("internal error|Traceback|out of memory", told), told
+    assert not re.search("[\x00-\x08\x0b-\x1f\x7f-\x9f]", told), ascii(told)
+    return code, told
 
 
 @pytest.fixture(scope="module")
@@ -196,8 +216,8 @@ def test_photos_with_a_zero_character_in_their_original_name_are_exported_or_ref
     (opened.project / "names.csv").write_text(
         'kind,orip,original\nphoto,left,"a\0b"\npoint,P1,"a\0b"\ncamera,C35,"a\0b"\n'
     )
-    for form in ("micmac", "colmap", "opensfm", "bundler", "bingo", "patb", "csv"):
-        opened.orip(f"export {form} out-{form}")
+    forms = ("micmac", "colmap", "opensfm", "bundler", "bingo", "patb", "csv")
+    opened.together(lambda orip: [orip(f"export {form} out-{form}") for form in forms])
 
 
 @pytest.mark.parametrize(
@@ -316,9 +336,13 @@ def test_a_project_whose_measurements_are_in_one_place_is_refused(opened: Opened
 def test_a_store_of_another_format_of_sqlite_is_damaged(opened: Opened, store: str, value: int, begin: int) -> None:
     path = opened.project / store
     whole = path.read_bytes()
-    for place in range(17 + begin, 100, 6):  # the head of the file, where 44 to 47 are the format of the schema
-        path.write_bytes(whole[:place] + bytes([value]) + whole[place + 1 :])
-        opened.orip(f"dump {store}")
+
+    def dump_damaged(orip: Callable[[str], object]) -> None:
+        for place in range(17 + begin, 100, 6):  # the head of the file, where 44 to 47 are the format of the schema
+            path.write_bytes(whole[:place] + bytes([value]) + whole[place + 1 :])
+            orip(f"dump {store}")
+
+    opened.together(dump_damaged)
 
 
 @pytest.mark.parametrize("store", every(4, ["FIRST.PHO", "MAIN.EXO", "CAMERAS.CAM", "FIRST.TEM"]))
@@ -327,13 +351,17 @@ def test_a_store_whose_pages_were_swapped_is_damaged(opened: Opened, store: str)
     whole = path.read_bytes()
     pages = [whole[at : at + 4096] for at in range(0, len(whole), 4096)]
     sound = opened.done(f"dump {store}")
-    for one in range(1, len(pages)):
-        for other in range(one + 1, min(len(pages), one + 4)):
-            swapped = list(pages)
-            swapped[one], swapped[other] = swapped[other], swapped[one]
-            path.write_bytes(b"".join(swapped))
-            code, told = opened.orip(f"dump {store}")
-            assert code != 0 or told == sound
+
+    def dump_swapped(orip: Callable[[str], tuple[int, str]]) -> None:
+        for one in range(1, len(pages)):
+            for other in range(one + 1, min(len(pages), one + 4)):
+                swapped = list(pages)
+                swapped[one], swapped[other] = swapped[other], swapped[one]
+                path.write_bytes(b"".join(swapped))
+                code, told = orip(f"dump {store}")
+                assert code != 0 or told == sound
+
+    opened.together(dump_swapped)
 
 
 @pytest.mark.parametrize("case", ["no-control-affinity", "tiny-control"])
@@ -352,9 +380,11 @@ def test_a_block_of_which_nothing_is_determined_has_not_converged(opened: Opened
 def test_names_of_a_loaded_dump_are_names(opened: Opened, name: str, old: str) -> None:
     dump = opened.done("dump FIRST.PHO")
     (opened.project / "FIRST.dump").write_text(dump.replace(old, json.dumps(name)))
-    opened.orip("load FIRST.PHO FIRST.dump")
-    for words in ("photo list", "status", "solve --no-report", "export csv tables", "export-toml --output new.toml"):
-        opened.orip(words)
+    commands = (
+        *("load FIRST.PHO FIRST.dump", "photo list", "status", "solve --no-report", "export csv tables"),
+        "export-toml --output new.toml",
+    )
+    opened.together(lambda orip: [orip(words) for words in commands])
 
 
 def test_an_import_into_an_empty_folder_that_was_killed_can_be_repeated(opened: Opened) -> None:

@@ -11,6 +11,23 @@ from scipy.spatial.transform import Rotation
 SUPERSAMPLING = 2
 
 
+def project_text(side: int, precision: str, further: str = "") -> str:
+    """Return the orip.toml of a project of such photos, of so many pixels a side, without the photos."""
+    return f"""\
+[project]
+name = "plane"
+
+[[camera]]
+name = "C"
+c = 20.0
+sensor = {{ columns = {side}, rows = {side}, width = 20.0, height = 20.0 }}
+
+[[bundle]]
+name = "MAIN"
+measurement_precision = "{precision}"
+{further}"""
+
+
 class RenderedPlane(Struct, frozen=True):
     """Photos (grey values) and the homographies from the plane (texels) to their pixels, corner convention."""
 

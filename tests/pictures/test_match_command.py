@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from cli.command_line import orip
 from numpy.typing import NDArray
-from pictures.rendered_plane import RenderedPlane, render
+from pictures.rendered_plane import RenderedPlane, project_text, render
 
 from orip.pictures import tie_points
 from orip.pictures.matching.features import Features
@@ -21,20 +21,7 @@ pytest.importorskip("cv2")
 pytest.importorskip("pycolmap")
 
 SIDE = 330
-TOML = f"""\
-[project]
-name = "plane"
-
-[[camera]]
-name = "C"
-c = 20.0
-sensor = {{ columns = {SIDE}, rows = {SIDE}, width = 20.0, height = 20.0 }}
-
-[[bundle]]
-name = "MAIN"
-measurement_precision = "1px"
-datum = "free"
-"""
+TOML = project_text(SIDE, "1px", 'datum = "free"\n')
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli.command_line import orip
-from pictures.rendered_plane import RenderedPlane, render
+from pictures.rendered_plane import RenderedPlane, project_text, render
 
 from orip.pictures.report_pictures import CHIP_BYTES, THUMBNAIL_BYTES
 from orip.report.report_input import CHIP_PIXELS
@@ -20,19 +20,7 @@ Images = pytest.importorskip("PIL.Image")
 
 SIDE = 240
 WRONG = 6.0
-TOML = f"""\
-[project]
-name = "plane"
-
-[[camera]]
-name = "C"
-c = 20.0
-sensor = {{ columns = {SIDE}, rows = {SIDE}, width = 20.0, height = 20.0 }}
-
-[[bundle]]
-name = "MAIN"
-measurement_precision = "0.1px"
-"""
+TOML = project_text(SIDE, "0.1px")
 
 
 @pytest.fixture(scope="module")

@@ -105,9 +105,6 @@ def test_without_cross_strips_the_camera_is_not_determined_and_with_them_it_is()
     assert any(one.text.startswith("C of camera P4 cannot be determined") for one in nadir.diagnosis)
 
 
-CONTROL_OF_CORNERS = np.array([[10.0, 10.0, 0.0], [230.0, 10.0, 0.0], [230.0, 140.0, 0.0], [10.0, 140.0, 0.0]])
-
-
 def test_what_is_not_determined_is_named():
     found = forecast(planned(settings(position_error=None)))
     assert any("the ground system is not fixed" in one.text for one in found.diagnosis)

@@ -48,14 +48,26 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "installed"
 
 
-@pytest.mark.parametrize("name", SAMPLES)
-def test_an_installed_wheel_writes_the_samples_of_the_repository(tmp_path: Path, installed: Path, name: str) -> None:
-    words = [sys.executable, "-m", "orip.cli.main", "init", "--sample", name, str(tmp_path / "mine")]
+_WRITE = """
+import sys
+from orip.cli.main import main
+for name in sys.argv[1:]:
+    sys.argv = ["orip", "init", "--sample", name, name]
+    try:
+        main()
+    except SystemExit as end:
+        assert not end.code, end.code
+"""
+
+
+def test_an_installed_wheel_writes_the_samples_of_the_repository(tmp_path: Path, installed: Path) -> None:
     environment = {**os.environ, "PYTHONPATH": str(installed)}
+    words = [sys.executable, "-c", _WRITE, *SAMPLES]
     subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
-    sample = installed / "orip" / "sample_projects" / name
-    written = contents(tmp_path / "mine")
-    del written[".gitignore"]
-    assert set(written) == {path.name for path in sample.iterdir()} != set()
-    for file, content in written.items():
-        assert content == (REPOSITORY / "sample_projects" / name / file).read_bytes()
+    for name in SAMPLES:
+        written = contents(tmp_path / name)
+        del written[".gitignore"]
+        packed = installed / "orip" / "sample_projects" / name
+        assert set(written) == {path.name for path in packed.iterdir()} != set()
+        for file, content in written.items():
+            assert content == (REPOSITORY / "sample_projects" / name / file).read_bytes(), (name, file)

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pictures.rendered_plane import RenderedPlane, render
+from pictures.rendered_plane import RenderedPlane, project_text, render
 
 from orip.annexes import MEASURING_ONLINE, annex
 from orip.cli.main import main
@@ -30,19 +30,7 @@ from orip.workflow.project.state import read_project
 from orip.workflow.records.initialise import initialise
 
 SIDE = 420
-TOML = f"""\
-[project]
-name = "plane"
-
-[[camera]]
-name = "C"
-c = 20.0
-sensor = {{ columns = {SIDE}, rows = {SIDE}, width = 20.0, height = 20.0 }}
-
-[[bundle]]
-name = "MAIN"
-measurement_precision = "0.3px"
-"""
+TOML = project_text(SIDE, "0.3px")
 NEW = {"C7": (0.42, 0.61), "C8": (0.6, 0.45), "C9": (0.52, 0.38)}
 """Control that is not measured, in parts of the plane's side."""
 _MEASURED = {f"C{number}": (0.35 + 0.15 * (number % 3), 0.35 + 0.3 * (number // 3)) for number in range(6)}

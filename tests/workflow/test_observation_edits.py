@@ -7,6 +7,8 @@ import shutil
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +18,7 @@ from files.hand_built_solutions import empty
 from interior.template_project import film_with_blunder, plate_coordinates
 from support.aerial_block_in_crs import CRS, PRINCIPAL_DISTANCE, aerial_block
 from workflow.commands import edit_observations, list_observations, measure, measure_again, remeasure
+from workflow.killed_here import Killed, killed_at
 from workflow.small_projects import film_project, replace_in
 
 from orip.bundle.local_frame import ground_system
@@ -318,48 +321,54 @@ def test_text_that_another_run_has_changed_is_not_overwritten(film: Path) -> Non
 # killed
 
 
-def _kill(tmp_path: Path, film: Path, chosen: int | None) -> int:
-    words = ["observations", "disregard", "tick", "T1", "2"]
+def _kill(tmp_path: Path, film: Path, run: Callable[[int, Path], int], chosen: int | None) -> int:
+    """Kill an edit before each step, or before some of them; `run` returns the number of steps where it is let live."""
     after = tmp_path / "after"
     shutil.copytree(film, after)
-    edit_observations(after, "DISREGARD", "TICK", "T1", ["2"])
+    edit_observations(after, *TICK_OUT)
     old, new = dumps(film), dumps(after)
-
-    def run(step: int, folder: Path) -> subprocess.CompletedProcess[bytes]:
-        shutil.copytree(film, folder)
-        program = [sys.executable, str(KILLED_ORIP), str(step), "-q", "-C", str(folder), *words]
-        return subprocess.run(program, capture_output=True, check=False, timeout=60)
-
-    counted = run(0, tmp_path / "counted")
-    assert counted.returncode == 0
-    total = int(counted.stdout.split()[-1])
-    steps = list(range(1, total + 1))
+    steps = list(range(1, run(0, Path(shutil.copytree(film, tmp_path / "counted"))) + 1))
     if chosen is not None:
         steps = sorted(random.Random(1).sample(steps, chosen - 2)) + steps[-8:-6]
     for step in steps:
-        folder = tmp_path / f"killed-{step}"
-        assert run(step, folder).returncode == -signal.SIGKILL
+        folder = Path(shutil.copytree(film, tmp_path / f"killed-{step}"))
+        run(step, folder)
         held, text = dumps(folder), edits(folder)
         assert (text, held) in ((None, old), (edits(after), old), (edits(after), new))
         # either way the same command, or a replay, ends as if nothing had happened
         if text is not None and step % 2:
             measure(folder)
         else:
-            edit_observations(folder, "DISREGARD", "TICK", "T1", ["2"])
+            edit_observations(folder, *TICK_OUT)
         assert (edits(folder), dumps(folder)) == (edits(after), new)
         assert (folder / "INTERIOR_RESULT.OUT").read_text() == (after / "INTERIOR_RESULT.OUT").read_text()
         shutil.rmtree(folder)
     return len(steps)
 
 
+TICK_OUT = ("DISREGARD", "TICK", "T1", ["2"])
+
+
 def test_killed_at_some_steps(tmp_path: Path, film: Path) -> None:
-    assert _kill(tmp_path, film, chosen=3) == 3
+    def run(step: int, folder: Path) -> int:
+        with killed_at(step or None) as steps, pytest.raises(Killed) if step else nullcontext():
+            edit_observations(folder, *TICK_OUT)
+        return steps()
+
+    assert _kill(tmp_path, film, run, chosen=3) == 3
 
 
 @pytest.mark.long
 @pytest.mark.timeout(1200)
-def test_killed_at_every_step(tmp_path: Path, film: Path) -> None:
-    assert _kill(tmp_path, film, chosen=None) > 20
+def test_a_process_killed_at_every_step(tmp_path: Path, film: Path) -> None:
+    def run(step: int, folder: Path) -> int:
+        words = ["-q", "-C", str(folder), "observations", "disregard", "tick", "T1", "2"]
+        program = [sys.executable, str(KILLED_ORIP), str(step), *words]
+        done = subprocess.run(program, capture_output=True, check=False, timeout=60)
+        assert done.returncode == (-signal.SIGKILL if step else 0)
+        return 0 if step else int(done.stdout.split()[-1])
+
+    assert _kill(tmp_path, film, run, chosen=None) > 20
 
 
 # what is predicted

@@ -27,10 +27,12 @@ from orip.adjustment.residual_sums import ResidualSums, residual_sums, with_chec
 from orip.arrays import BoolArray, FloatArray, IntArray, parts
 from orip.bundle.groups.held_cameras import HeldCameras, held_cameras
 from orip.bundle.groups.observation_groups import (
+    MOST_EXACT,
     STATIONS,
     AllStations,
     ObservationGroup,
     Strip,
+    largest_exact,
     rows_under_test,
     strip_errors,
     with_correlations,
@@ -41,9 +43,6 @@ from orip.records.results.tests import GroupTest
 from orip.structs import replace
 
 TestName = Literal["mean", "scatter", "point", "down-weighted"]
-
-_MOST_EXACT = 150
-"""Most residuals of a group whose square sum is tested with their covariances; of more it is nearly chi-square."""
 
 _MOST_CHECKS = 150
 """Most check coordinates that are tested together and used to tell groups apart; of more an even selection is taken."""
@@ -265,12 +264,13 @@ def ground_tests(ground: GroundGroups, figures: GroupFigures) -> list[JudgedGrou
     deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     shown = is_testable(sums, deviation**2)
     shift, shift_sd = common_errors(sums, ground.errors, covariance)
+    most_exact = largest_exact([len(group.rows) for group in ground.groups if group.kind != "check"])
     found = []
     for place, group in enumerate(ground.groups):
         total, sd = float(sums.values[place]), float(deviation[place])
         scale = float(sums.factors[:, place] @ ground.errors[:, place])
-        scatter = _check_scatter if group.kind == "check" else scatter_test
-        tested = scatter(group, ground, ground.places[place], figures)
+        of_group = group, ground, ground.places[place], figures
+        tested = _check_scatter(*of_group) if group.kind == "check" else scatter_test(*of_group, most_exact)
         log_p = dict(tested.log_p)
         if shown[place]:
             log_p["mean"] = float(two_sided_normal(total / sd))
@@ -304,10 +304,12 @@ def is_testable(sums: ResidualSums, variance: FloatArray) -> BoolArray:
     return np.asarray((variance > least * most) & (most > 0.0))
 
 
-def scatter_test(group: ObservationGroup, ground: GroundGroups, mine: IntArray, figures: GroupFigures) -> JudgedGroup:
+def scatter_test(
+    group: ObservationGroup, ground: GroundGroups, mine: IntArray, figures: GroupFigures, most_exact: int = MOST_EXACT
+) -> JudgedGroup:
     """Return a group with the test of the square sum of its residuals with full weight.
 
-    `mine` are the rows of its observations among those of `ground`.
+    `mine` are the rows of its observations among those of `ground`; covariances are used of up to `most_exact`.
     """
     weight = figures.weight[group.rows]
     full = weight >= 1.0
@@ -315,7 +317,7 @@ def scatter_test(group: ObservationGroup, ground: GroundGroups, mine: IntArray, 
     redundancy = float(np.sum(figures.redundancy_number[rows]))
     square_sum = float(np.sum(figures.residual[rows] ** 2))
     log_p: dict[TestName, float] = {}
-    if redundancy > TESTABLE * len(rows) and len(rows) <= _MOST_EXACT:
+    if redundancy > TESTABLE * len(rows) and len(rows) <= most_exact:
         covariance = ground.unit_sums(mine[full]).covariance()
         log_p["scatter"] = square_sum_tail(square_sum, covariance)
     elif redundancy > TESTABLE * len(rows):

@@ -176,6 +176,19 @@ def _inverse_of(solved: SolvedBlock, columns: IntArray) -> Callable[[FloatArray]
     return solve
 
 
+MOST_EXACT, _MOST_EXACT_IN_ALL = 150, 3000
+"""Most residuals of a group whose square sum is tested with their covariances, and of all such groups together, the
+smallest first: their number times the size of the block is what that takes. Of more it is nearly chi-square, and varies
+less."""
+
+
+def largest_exact(sizes: Sequence[int]) -> int:
+    """Return up to which size the square sums of groups of these sizes are tested with covariances."""
+    of_exact = np.sort(np.array([size for size in sizes if size <= MOST_EXACT], dtype=np.int64))
+    beyond = of_exact[np.cumsum(of_exact) > _MOST_EXACT_IN_ALL]
+    return int(beyond[0]) - 1 if len(beyond) else MOST_EXACT
+
+
 STATIONS = ("station", "attitude")
 """Kinds of group whose observations belong to strips."""
 

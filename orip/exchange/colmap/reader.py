@@ -69,6 +69,9 @@ def read_folder(folder: Path, shown: str) -> Parsed[ColmapModel]:
     form = form_of(folder)
     if form is None:
         message = "there is no model of COLMAP here: a folder with cameras, images and points3D, all .bin or all .txt"
+        names = [f"{part}.{ending}" for ending in ("bin", "txt") for part in PARTS]
+        if here := [name for name in names if (folder / name).is_file()]:
+            message = f"{message}; there is only {', '.join(here)}"
         return Parsed(ColmapModel((), (), no_points()), (Complaint(message, shown),))
 
     def part(

@@ -19,6 +19,7 @@ from orip.geometry.perspective import is_in_front
 from orip.geometry.rays import intersect_rays
 from orip.geometry.rotation import rotated_back
 from orip.records.exchanged import ExchangedProject, PoseReading
+from orip.wording import counted_names
 
 MOST_TYPICAL_PX = 5.0
 """Median length of the residuals up to which a reading fits."""
@@ -125,6 +126,21 @@ class Reprojection(Struct, frozen=True, dict=True):
             sums = np.bincount(point[known], lengths[known])
             counts = np.bincount(point[known])
             return float(np.mean(sums[counts > 0] / counts[counts > 0])) if known.any() else np.nan
+
+
+def said_of_far_rays(project: ExchangedProject, found: Reprojection) -> list[str]:
+    """Return what there is to say of single measurements that are far from where their photos show their points."""
+    with np.errstate(over="ignore"):
+        far = np.flatnonzero(np.hypot(*found.residuals.T) > MOST_COARSE_PX)
+    if not len(far) or not found.fits:
+        return []
+    names = dict.fromkeys(project.points.names[point] for point in project.rays.point[far].tolist())
+    photo = project.photos[int(project.rays.photo[far[0]])].name
+    text = (
+        f"{len(far)} of {len(found.residuals)} measurements are {MOST_COARSE_PX:.0f} px off and more, in photo {photo} "
+        f"first: {counted_names('point', list(names))}; check the names, and the order of column and row."
+    )
+    return [text]
 
 
 def fitting_reading(

@@ -153,6 +153,8 @@ def _project(
         faults = faults_of(files.tracks)
         features = read_features(files.tracks, faults, photos, points.tracks)
         notes += _add_features(features, reconstruction, rays)
+        if not len(features.photo) and not faults.complaints:
+            notes.append("tracks.csv is empty: tie points have no measurements.")
         complaints += faults.complaints
     control, crs = _add_control(files, faults_of, complaints, reconstruction, points, rays, notes)
     stations, reference = reconstruction.stations, IN_PROJECT

@@ -17,7 +17,13 @@ from orip.exchange.conversion.determined import determined_parameters, unknown_p
 from orip.exchange.conversion.ground import LocalGround, in_local_ground, local_ground
 from orip.exchange.conversion.image_axes import UnsuitableCameraError
 from orip.exchange.conversion.poses import orip_poses
-from orip.exchange.conversion.reprojection import MOST_COARSE_PX, Reprojection, fitting_reading, said_of_reading
+from orip.exchange.conversion.reprojection import (
+    MOST_COARSE_PX,
+    Reprojection,
+    fitting_reading,
+    said_of_far_rays,
+    said_of_reading,
+)
 from orip.exchange.project.moved import datum_of_control, moved_block, placed_at_control, said_of_datum
 from orip.exchange.sources.names import mark_names, photo_names, point_names, unique_names
 from orip.geometry.ground_crs import known_crs
@@ -144,6 +150,7 @@ def imported_block(project: ExchangedProject, shown: str, settings: ExchangeSett
     notes = [
         *project.notes,
         *coarse,
+        *said_of_far_rays(project, found),
         *([] if said is None else [f"{said[0].upper()}{said[1:]}."]),
         *moved,
         *_said_of_cameras(cameras),

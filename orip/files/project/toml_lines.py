@@ -96,6 +96,10 @@ _MEANT_BY_REASON = (
 """What the parser says, and what was probably done."""
 
 _MEANT_BY_TEXT = (
+    (
+        re.compile("<{7}|={7}|>{7}"),
+        "git could not merge two versions here; choose one of them",
+    ),
     (re.compile("[“”„‟‘’‚«»]"), 'these are typographic quotation marks; write straight ones (")'),
     (re.compile("[\u00a0\u2000-\u200b\u202f\ufeff]"), "this is a blank of a word processor; write an ordinary one"),
     (re.compile("!|//"), "no comment begins so here; write '#'"),
@@ -148,6 +152,8 @@ def _meant(reason: str, here: str) -> str | None:
     if reason == "Invalid value":
         by_value = (match.expand(meant) for pattern, meant in _MEANT_BY_VALUE if (match := pattern.match(here)))
         return next(by_value, None)
+    if reason == "Invalid statement" or reason.startswith("Expected '=' after a key"):
+        return "a line is KEY = VALUE or a [table]; correct it, or begin a remark with '#'"
     if reason.startswith("Expected newline") and (word := here.strip().partition(" ")[0]):
         return f"'{word}' follows a value; remove it (numbers have no unit), or begin a comment with '#'"
     return None

@@ -13,7 +13,6 @@ import numpy as np
 from msgspec import Struct
 
 from orip.bundle.methods import Method
-from orip.bundle.results.angles import AngleSystem, AngleUnit, with_angles
 from orip.bundle.results.covariance import (
     Figures,
     camera_figures,
@@ -22,10 +21,11 @@ from orip.bundle.results.covariance import (
     photo_figures,
     point_figures,
 )
+from orip.bundle.results.figures import AngleSystem, AngleUnit, with_angles
 from orip.bundle.results.reliability import reliability_of
 from orip.bundle.snooping.search import SnoopingSettings
 from orip.bundle.solve import SolvedBlock
-from orip.errors import InputError, UsageError
+from orip.errors import InputError, UnknownNameError, UsageError
 from orip.files.listings.bundle_estimates import (
     camera_lines,
     figure_lines,
@@ -50,8 +50,10 @@ from orip.records.names import record_key
 from orip.records.observation_kinds import unit_of_unknown
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.results.solution import Estimates, Reliability, Residuals, Solution
+from orip.solving.solve import adjust_bundle
 from orip.structs import replace
-from orip.workflow.adjust.solve import run_of_solution, solve_with_equations
+from orip.workflow.adjust.gathering import block_input
+from orip.workflow.adjust.solve import run_of_solution
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.outputs import first_bytes, require_replaceable
@@ -150,6 +152,8 @@ def _rows(known: Sequence[str], what: str, names: Sequence[str]) -> list[int]:
     key = record_key if what in ("cameras", "photos") else str
     place = {key(name): row for row, name in enumerate(known)}
     missing = [name for name in names if key(name) not in place]
+    if len(missing) == 1:
+        raise UnknownNameError(missing[0], what[:-1], known)
     if missing:
         message = f"the solution has no {what[:-1]} {', '.join(missing)}; 'orip results {what}' shows all"
         raise UsageError(message)
@@ -276,7 +280,7 @@ def solved_again(bundle: BundleState) -> SolvedBlock:
     InputError
         If the bundle has not been adjusted, or what it was adjusted from has changed since.
     """
-    return solve_with_equations(bundle, method=_method(bundle, bundle.adjusted))[1]
+    return adjust_bundle(block_input(bundle), _method(bundle, bundle.adjusted))
 
 
 def write_covariance(project: ProjectFolder, matrix: CovarianceMatrix, output: Path, *, force: bool = False) -> None:

@@ -15,7 +15,6 @@ from orip.records.ground import HeightGrid, Terrain, TerrainModel
 from orip.structs import replace
 
 _POINTS_A_PHOTO = 40
-_LENGTH_ERROR = 0.01
 
 
 def calibrated(photos: int) -> Block:

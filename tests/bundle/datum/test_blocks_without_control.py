@@ -9,17 +9,10 @@ from bundle.solving import redefined, with_photo_points, with_rays
 from support.synthetic_block import SyntheticBlock
 
 from orip.bundle.antennas import with_orientations_of_stations
-from orip.records.block import Block
 from orip.records.control import ControlDistance, ControlElement, Station
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.solving.solve import solve
 from orip.structs import replace
-
-
-def of_first_photos(block: Block, count: int) -> Block:
-    """Return the block without the other photos, of which there are no photo points."""
-    orientation, cameras = block.photo_orientation[:count], block.photo_camera[:count]
-    return replace(block, photos=block.photos[:count], photo_camera=cameras, photo_orientation=orientation)
 
 
 def positions(made: SyntheticBlock, rows, error: float = 0.05) -> tuple[Station, ...]:

@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 from bundle.solving import noisy
 from bundle.stations_of_block import ARM, MADE, NO_VECTOR, STRIP, stations, with_stations
+from scipy.stats import chi2
 
+from orip.bundle.groups import observation_groups
+from orip.bundle.groups.observation_groups import largest_exact
 from orip.bundle.methods import Method, adjust_block
 from orip.bundle.snooping.search import SnoopingSettings
 from orip.records.control import NOT_GIVEN
@@ -117,6 +120,24 @@ def test_a_wrong_station_loses_its_weight_as_a_whole() -> None:
     weights = solved.weight_factors[first : first + 45].reshape(15, 3)
     assert (weights == weights[:, :1]).all()
     assert np.flatnonzero(weights[:, 0] < 1.0).tolist() == [7]
+
+
+@pytest.mark.parametrize(
+    ("sizes", "largest"), [([200, 10], 150), ([50] * 60, 150), ([50] * 61, 49), ([150] * 5 + [2] * 2000, 1)]
+)
+def test_groups_are_tested_with_covariances_up_to_a_size(sizes: list[int], largest: int) -> None:
+    assert largest_exact(sizes) == largest
+    assert sum(size for size in sizes if size <= largest) <= 3000
+
+
+def test_strips_are_told_apart_without_covariances_of_their_residuals(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(observation_groups, "_MOST_EXACT_IN_ALL", 10)
+    found = adjusted(4)
+    assert not [each for each in found.diagnosis if each.code == "group"]
+    for one in (one for one in found.groups if one.kind == "station"):
+        # photo points that are worse than is said make it less likely that stations are
+        assert one.p_sigma0 >= chi2.sf(one.sigma0**2 * one.redundancy, one.redundancy) * (1.0 - 1e-9)
+    assert "the exposure stations of strip 2 are all off by" in adjusted(1, shift=SHIFT).diagnosis[0].text
 
 
 def test_right_stations_are_not_doubted() -> None:

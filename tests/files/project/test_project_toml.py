@@ -368,7 +368,8 @@ def test_all_faults_come_at_once_and_a_faulty_record_is_not_called_missing() -> 
         ("a = [1 2]", 8, "a comma between two items, or the closing bracket, is missing"),
         ('{ "name": 7 }', 1, "this is JSON; write for example [project]"),
         ("{", 1, "this is JSON"),
-        ("name 7", 6, "Expected '=' after a key in a key/value pair; correct the text there"),
+        ("name 7", 6, "a line is KEY = VALUE or a [table]; correct it, or begin a remark with '#'"),
+        ("<<<<<<< HEAD", 1, "git could not merge two versions here"),
     ],
 )
 def test_what_was_probably_meant_by_a_text_that_is_no_toml(line: str, column: int, words: str) -> None:

@@ -202,6 +202,7 @@ def test_import_and_run_from_the_command_line(tmp_path: Path) -> None:
 
 
 def test_words_of_the_command_line(tmp_path: Path) -> None:
+    (tmp_path / "sparse.zip").touch()
     assert "colmap " in orip(tmp_path, "import", "--list").out
     assert orip(tmp_path, "import", "--list", "--json").document["formats"][0]["name"] == "colmap"
     for words, message in (
@@ -209,6 +210,7 @@ def test_words_of_the_command_line(tmp_path: Path) -> None:
         (["nothing"], "there is no"),
         (["colmap", "nothing"], "there is no"),
         (["."], "looks like none of the formats"),
+        (["sparse.zip"], "sparse.zip is an archive; unpack it"),
         ([".", "--frame", "12"], "--frame 12: write columns and rows"),
         ([".", "--precision", "0"], "--precision 0.0: write pixels"),
     ):
