@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.errors import OripError
-from orip.freed_memory import give_back_freed_memory
+from orip.threads import give_back_freed_memory
 
 ScalarT = TypeVar("ScalarT", bound=np.generic)
 

@@ -98,8 +98,6 @@ class DesignMatrix(Protocol):
         weights : array (n,)
             Zero for observations that take no part.
         residual : array (n,)
-        layout : Layout
-        max_lost_digits : float
         damping : float
             The diagonals of the blocks are multiplied by 1 + damping; that of the reduced system is left to the caller.
         """

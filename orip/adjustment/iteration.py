@@ -13,19 +13,20 @@ from msgspec import Struct
 
 from orip.adjustment.convergence import (
     Acceleration,
+    StepControl,
     TerminationReason,
     exponent_of_numerical_precision,
     is_diverging,
+    judged_residuals,
     most_are_lost,
     weights_are_steady,
+    with_blocks_fitted,
 )
 from orip.adjustment.equations import Equations, Layout, Linearised, Problem, StateT
-from orip.adjustment.formed_normals import FormedNormals, will_do
 from orip.adjustment.improvement import judged_attempt, next_attempt
-from orip.adjustment.iteration_state import IterationRecord, IterationSettings, IterationState
+from orip.adjustment.iteration_state import FormedNormals, IterationRecord, IterationSettings, IterationState, will_do
 from orip.adjustment.normals import SolvedNormals, solve_normals
 from orip.adjustment.precision import cofactors
-from orip.adjustment.step_control import StepControl, judged_residuals, with_blocks_fitted
 from orip.adjustment.weights import SETTLED_ENP, Weighing, has_many_reduced, sums_of_full_weight, weighing_from
 from orip.arrays import BoolArray, FloatArray
 from orip.set_aside import set_aside
@@ -108,10 +109,6 @@ def adjust(
         Called with the record of each iteration.
     stop_asked : callable
         Asked after each iteration; True ends the iterations with the current state.
-
-    Returns
-    -------
-    Adjustment
     """
     now = _initial(problem, start, settings)
     reason: TerminationReason | None = None

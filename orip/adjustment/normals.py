@@ -195,17 +195,10 @@ def solve_normals(
 
     Parameters
     ----------
-    equations : Equations
     weight_factors : array (n,)
         Inactive observations get no weight whatever stands here.
-    layout : Layout
-    max_lost_digits : float
     damping : float
         The diagonal is multiplied by 1 + damping.
-
-    Returns
-    -------
-    SolvedNormals
     """
     weights = equations.effective(weight_factors)
     normals = equations.rows.eliminated(weights, equations.residual, layout, max_lost_digits, damping)

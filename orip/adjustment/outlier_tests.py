@@ -121,7 +121,6 @@ def square_sum_tail(square_sum: float, covariance: FloatArray) -> float:
 
     Parameters
     ----------
-    square_sum : float
     covariance : array (k, k)
         Of the residuals.
     """

@@ -90,10 +90,6 @@ def variance_of_unit_weight(
     weight_factors, leverage : arrays (n,)
     effective_unknowns : int
         u without the removed ones.
-
-    Returns
-    -------
-    VarianceOfUnitWeight
     """
     active = equations.active
     numbers = 1.0 - weight_factors * leverage

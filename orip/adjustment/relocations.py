@@ -101,13 +101,10 @@ def relocations(
 
     Parameters
     ----------
-    places : sequence of OtherPlace
     equations : Equations
         With the design matrix of the normal equations, and the groups that the cost has.
     weights : array (n,)
         Of the normal equations.
-    normals : SolvedNormals
-    layout : Layout
     limit : float
         Standard residual up to which an observation has full weight.
     """

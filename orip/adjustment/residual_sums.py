@@ -176,7 +176,6 @@ def with_checks_used(sums: ResidualSums, checks: BoolArray, smoothed_checks: Flo
 
     Parameters
     ----------
-    sums : ResidualSums
     checks : array (k,) of bool
         The check observations, c of them.
     smoothed_checks : array (k, c)
@@ -329,8 +328,6 @@ def factored_rows(
         At a solution.
     weights : array (n,)
         Weight factors of the normal equations; those of observations that are not in use do not count.
-    normals : SolvedNormals
-    layout : Layout
     rows : array (c,) of int
         Their numbers among all rows.
     """

@@ -207,7 +207,6 @@ def weights_of_lower_cost(start: LinearAdjustment, limit: float, rounds: int = M
 
     Parameters
     ----------
-    start : LinearAdjustment
     limit : float
         Standard residual up to which an observation has full weight.
     rounds : int

@@ -61,7 +61,6 @@ def danish_costs(standard_residuals: FloatArray, limit: float) -> FloatArray:
     Parameters
     ----------
     standard_residuals : array (n,)
-    limit : float
 
     Returns
     -------
@@ -87,7 +86,6 @@ def wide_weights(standard_residuals: FloatArray, limit: float, exponent: int) ->
     Parameters
     ----------
     standard_residuals : array (n,)
-    limit : float
     exponent : int
         2; or 3 where many observations are wrong: it falls fast enough that a fifth of these does not move the block.
     """
@@ -356,7 +354,6 @@ def scale_of_observations(
 
     Parameters
     ----------
-    equations : Equations
     redundancy_numbers : array (n,)
     among : array (n,) of bool, optional
         Observations that are looked at; otherwise all.

@@ -22,7 +22,7 @@ from orip.api.given import (
 )
 from orip.arrays import FloatArray
 from orip.errors import Complaint, ProjectWarning
-from orip.files.control.correlations import CORRELATION_KEYS
+from orip.files.control.covariances_text import CORRELATION_KEYS
 from orip.files.control.preliminary_text import parse_preliminary
 from orip.files.control.stations_text import parse_stations
 from orip.files.control.text import parse_directions, parse_distances, parse_elements, parse_figures, parse_points

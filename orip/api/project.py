@@ -34,8 +34,7 @@ from orip.workflow.project.run_id import Step
 from orip.workflow.project.state import Part, ProjectState, StoredParts, read_project
 from orip.workflow.project.texts import raise_complaints
 from orip.workflow.records.initialise import INITIALISED_FROM, initialise
-from orip.workflow.status import STATUS_FROM, project_status
-from orip.workflow.steps import initialise_step, measure_step
+from orip.workflow.status import STATUS_FROM, initialise_step, measure_step, project_status
 
 _READ: frozenset[Part] = frozenset({*INITIALISED_FROM, *MEASURED_FROM, *ADJUSTED_FROM, *STATUS_FROM} - {"digests"})
 

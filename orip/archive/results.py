@@ -66,7 +66,7 @@ def write_shard(results: ResultsFolder, shard: str, rows: Mapping[str, Sequence[
                 replace_bytes(path, buffer.getvalue())
 
 
-def read_shard(results: ResultsFolder, table: str, shard: str, columns: Sequence[str] | None = None) -> list[Row]:
+def read_shard(results: ResultsFolder, table: str, shard: str) -> list[Row]:
     """Return the rows of a table in a shard; none where there is no file.
 
     Raises
@@ -83,7 +83,7 @@ def read_shard(results: ResultsFolder, table: str, shard: str, columns: Sequence
     try:
         with open_regular(path) as stream, pq.ParquetFile(stream, page_checksum_verification=True) as file:
             schema = (file.schema_arrow.metadata or {}).get(b"schema", b"").decode(errors="replace")
-            rows: list[Row] = file.read(columns=None if columns is None else list(columns)).to_pylist()
+            rows: list[Row] = file.read().to_pylist()
     except (OSError, pa.ArrowException) as error:
         message = f"cannot be read: {printable(str(error))}; 'orip archive report' writes it again"
         raise InputError.single(message, str(path)) from error

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from orip.arrays import FloatArray, IntArray, rows_of_groups
 from orip.bundle.antennas import with_orientations_of_stations
-from orip.bundle.figures import with_determined_figures
 from orip.bundle.kinds.terrain_height import with_terrain_heights
 from orip.bundle.known_motions import without_motion
 from orip.bundle.local_frame import constants_in_frame, frame_complaints, ground_system, photos_in_frame
 from orip.bundle.points.starting import with_starting_points
 from orip.bundle.rigs.starting import with_photos_on_rigs
+from orip.bundle.starting_state import with_determined_figures
 from orip.errors import Complaint, InputError, ProjectWarning
 from orip.interior.additional_parameters import base_of_camera
 from orip.interior.definitions import Definitions

@@ -298,9 +298,8 @@ def _register_adjust(app: typer.Typer) -> None:
 
         Example: orip adjust castle/sparse/0 castle_adjusted
         """
-        from orip.exchange.project.exported import EXPORTED_FROM, export, write_export
+        from orip.exchange.project.exported import EXPORTED_FROM, export, folder_in_the_making, write_export
         from orip.exchange.project.imported import read_source, write_project
-        from orip.exchange.project.temporary import folder_in_the_making
         from orip.exchange.project.texts import what_to_write
         from orip.workflow.project.bundle_state import read_bundle
 

@@ -13,7 +13,6 @@ import numpy as np
 from orip.arrays import FloatArray
 from orip.exchange.format import Conventions, Format
 from orip.exchange.sources.names import distinct_names
-from orip.files.maps.geopackage import geopackage
 from orip.files.maps.layers import (
     Conversion,
     Layer,
@@ -23,6 +22,7 @@ from orip.files.maps.layers import (
     drawn_features,
     feature,
     finite_or_none,
+    geopackage,
     labelled_point,
     line,
     listed,

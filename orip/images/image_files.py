@@ -73,7 +73,6 @@ def read_grey(path: Path, region: Region | None = None, reduction: int = 1, show
 
     Parameters
     ----------
-    path : Path
     region : pair of pairs of int, optional
         Rows and columns of the stored image, each from the first to the one behind the last; what is beyond the image
         is left out. The first ones are multiples of `reduction`.

@@ -18,7 +18,6 @@ def images_by_photo(folder: Path, photos: Iterable[str]) -> tuple[dict[str, Path
 
     Parameters
     ----------
-    folder : Path
     photos : iterable of str
         Names; case does not count.
     """
@@ -47,7 +46,6 @@ def image_fault(path: Path, size: tuple[int, int] | None) -> tuple[tuple[int, in
 
     Parameters
     ----------
-    path : Path
     size : tuple of 2 int or None
         Columns and rows of the photo's sensor, if it has one.
     """

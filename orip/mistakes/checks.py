@@ -13,11 +13,15 @@ from orip.interior.mounting import frame_corners
 from orip.mistakes.camera_values import is_possible_view
 from orip.mistakes.marks.all_films import MARKS_GIVEN_WRONG, marks_of_all_films
 from orip.mistakes.marks.misnamed import misnamed_marks
-from orip.mistakes.marks.points import points_in_another_unit
 from orip.mistakes.mistake import OTHER_FRAME, declare
 from orip.mistakes.names import figures_told, name_warnings, photos_under_two_names
 from orip.mistakes.other_units import millimetres_per_unit
-from orip.mistakes.outside_frame import TURNED_SENSOR, exchanged_templates, points_outside_frames
+from orip.mistakes.outside_frame import (
+    TURNED_SENSOR,
+    exchanged_templates,
+    points_in_another_unit,
+    points_outside_frames,
+)
 from orip.mistakes.photo_coordinates import coordinates_in_other_units, find_reduced_pictures
 from orip.mistakes.stations.errors_too_small import errors_too_small
 from orip.records.block import Block
@@ -296,8 +300,6 @@ def measurement_warnings(
 
     Parameters
     ----------
-    definitions : Definitions
-    measured : Measured
     interior : Interior
         Orientations from those marks.
     """
@@ -349,12 +351,11 @@ def block_warnings(block: Block, control: Control) -> tuple[ProjectWarning, ...]
 
     Parameters
     ----------
-    block : Block
     control : Control
         All control of the project, even what the block does not use.
     """
     # measurements are checked without these
-    from orip.bundle.figures import left_out_figures
+    from orip.bundle.starting_state import left_out_figures
     from orip.mistakes.control.free_network import distances_along_no_axes, observations_without_weight
     from orip.mistakes.stations.strips import missing_strips
 

@@ -30,7 +30,6 @@ def other_cameras(block: Block, photos: Sequence[str]) -> Iterator[Hypothesis]:
 
     Parameters
     ----------
-    block : Block
     photos : sequence of str
         Those that do not fit.
     """
@@ -134,7 +133,6 @@ def another_flight(block: Block, not_oriented: Sequence[str]) -> Iterator[Hypoth
 
     Parameters
     ----------
-    block : Block
     not_oriented : sequence of str
         Names of these photos.
     """

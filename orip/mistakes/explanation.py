@@ -105,12 +105,10 @@ def explain_misfit(
 
     Parameters
     ----------
-    solution : Solution
     solved : SolvedBlock
         The adjustment that it comes from.
     started : Block
         The block with its starting values.
-    readjuster : Readjuster
     from_own_values : SolvedBlock or None
         Its adjustment without the given orientations; None: there was none yet.
     """

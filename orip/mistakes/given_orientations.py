@@ -268,7 +268,6 @@ def moved_photos(block: Block, solved: SolvedBlock, fit: Fit) -> list[ProjectWar
     ----------
     block : Block
         As gathered.
-    solved : SolvedBlock
     fit : Fit
         Of the adjustment.
     """

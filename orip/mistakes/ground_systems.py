@@ -75,7 +75,6 @@ def misread_control(
 
     Parameters
     ----------
-    reading : ControlReading or None
     east_and_north : bool
         By their size X and Y are not exchanged.
     films_mirrored : bool

@@ -38,7 +38,6 @@ def sigma0_without(solved: SolvedBlock, photo: str) -> float:
 
     Parameters
     ----------
-    solved : SolvedBlock
     photo : str
         Its name.
     """
@@ -70,7 +69,6 @@ def misread_photos(
 
     Parameters
     ----------
-    readjuster : Readjuster
     photos : sequence of str
         Those that may be wrong, the likeliest first.
     solved : SolvedBlock or None
@@ -106,7 +104,6 @@ def misread_beside(block: Block, rest: SolvedBlock) -> Iterator[Hypothesis]:
 
     Parameters
     ----------
-    block : Block
     rest : SolvedBlock
         The adjustment of those of its photos that could be oriented, which fits.
     """

@@ -82,7 +82,6 @@ def fitting_reading(block: Block, photo: int, known: FloatArray, scale: float) -
 
     Parameters
     ----------
-    block : Block
     photo : int
         Its index in the block.
     known : array (number of points, 3)
@@ -216,7 +215,6 @@ def mirrored_text(block: Block, photo: int, rotation: FloatArray | None = None) 
 
     Parameters
     ----------
-    block : Block
     photo : int
         Its index in the block.
     rotation : array (3, 3), optional

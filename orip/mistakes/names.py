@@ -319,7 +319,6 @@ def _shared(points: IndexedPhotoPoints, order: IntArray, near: float, reach: flo
 
     Parameters
     ----------
-    points : IndexedPhotoPoints
     order : array of int
         Their rows, point after point.
     near : float

@@ -35,11 +35,10 @@ from orip.mistakes.marks.shifted_points import shifted_points
 from orip.mistakes.other_units import angle_units, control_error_units, direction_units, measurement_precision_units
 from orip.mistakes.photo_coordinates import mirrored_photos, reduced_pictures
 from orip.mistakes.rigs.contradicting_rigs import contradicting_rigs
-from orip.mistakes.stations.along_flight import along_the_flight
 from orip.mistakes.stations.doubted_camera import camera_instead_of_stations
 from orip.mistakes.stations.heights_apart import heights_apart
 from orip.mistakes.stations.misread_angles import misread_angles
-from orip.mistakes.stations.misread_antennas import misread_antennas
+from orip.mistakes.stations.misread_antennas import along_the_flight, misread_antennas
 from orip.mistakes.stations.misread_positions import misread_places, other_heights
 from orip.mistakes.stations.off_alike import one_strip_off
 from orip.mistakes.stations.strips import moved_stations
@@ -93,14 +92,12 @@ def hypotheses_of_misfit(
 
     Parameters
     ----------
-    solution : Solution
     solved : SolvedBlock
         The adjustment that it comes from.
     given : Fit
         How its observations fit.
     started : Block
         The block with its starting values.
-    readjuster : Readjuster
     """
     block = readjuster.block
     # cameras and directions hardly influence the preliminary orientations: those found before are used again
@@ -143,7 +140,6 @@ def hypotheses_of_failure(
 
     Parameters
     ----------
-    readjuster : Readjuster
     not_oriented : sequence of str
         Photos for which no preliminary orientation was found.
     rest : SolvedBlock or None

@@ -284,7 +284,6 @@ def angles_in_another_unit(block: Block, solution: Solution) -> list[ProjectWarn
     ----------
     block : Block
         As gathered: with the rotations that were given, NaN where none were.
-    solution : Solution
     """
     centres = solution.photos.values[:, :3]
     adjusted = rotation_from_angles(solution.photos.values[:, 3:] * RADIANS_PER_DEGREE)

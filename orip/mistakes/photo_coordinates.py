@@ -29,7 +29,6 @@ def points_of_cameras(
 
     Parameters
     ----------
-    definitions : Definitions
     observations : PhotoObservations
         Of one bundle; photos that are not defined are passed over.
     concerned : callable
@@ -89,7 +88,6 @@ def coordinates_in_other_units(definitions: Definitions, observations: PhotoObse
 
     Parameters
     ----------
-    definitions : Definitions
     observations : PhotoObservations
         Of one bundle.
     """
@@ -205,7 +203,6 @@ def find_reduced_pictures(definitions: Definitions, observations: PhotoObservati
 
     Parameters
     ----------
-    definitions : Definitions
     observations : PhotoObservations
         Of one bundle.
     """
@@ -286,7 +283,6 @@ def mirrored_plane(block: Block, solution: Solution) -> list[ProjectWarning]:
     ----------
     block : Block
         As gathered: with the projection centres that were given.
-    solution : Solution
     """
     given = block.ground.to_project(block.photo_orientation[:, :3])
     points = solution.points.values[np.isfinite(solution.points.values).all(axis=1)]
@@ -312,7 +308,6 @@ def mirrored_alone(block: Block, solution: Solution) -> list[ProjectWarning]:
     ----------
     block : Block
         As gathered: with the projection centres that were given.
-    solution : Solution
     """
     given, found = block.ground.to_project(block.photo_orientation[:, :3]), solution.photos.values[:, :3]
     points, count = block.photo_points, len(block.photos)

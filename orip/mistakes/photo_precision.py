@@ -55,7 +55,6 @@ def precision_too_small(solved: SolvedBlock, readjuster: Readjuster) -> Imprecis
 
     Parameters
     ----------
-    solved : SolvedBlock
     readjuster : Readjuster
         Of the block as gathered.
     """

@@ -252,8 +252,6 @@ def points_under_two_numbers(block: Block, solution: Solution, solved: SolvedBlo
     ----------
     block : Block
         As gathered.
-    solution : Solution
-    solved : SolvedBlock
     """
     if len(block.point_names) > _MOST_POINTS or not is_good(fit_of_adjustment(solved)):
         return []

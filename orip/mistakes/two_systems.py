@@ -9,7 +9,7 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.errors import ProjectWarning
-from orip.geometry.map_zones import readings_in_another_grid
+from orip.geometry.other_crs import readings_in_another_grid
 from orip.mistakes.mistake import STATIONS_OFF, Consequence, declare
 from orip.mistakes.other_units import LENGTH_UNITS
 from orip.records.control import Control

@@ -26,7 +26,7 @@ from orip.multimodel.rectified_model import ImageOnPlate, RectifiedModel, rectif
 from orip.multimodel.state import Condition, Guide, Position, ProcessorState, active_model, inside_model
 from orip.records.drive_table import DriveCode, DriveFault, Triple
 from orip.records.ground import GroundSystem
-from orip.records.stereo import StereoVertex
+from orip.records.measurement import StereoVertex
 
 _LEAST_DEPTH_OF_Z = 0.5
 """Part of the object's Z along the model's z axis from which on Z is height in the model; below it guides in MODEL."""

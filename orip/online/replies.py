@@ -15,8 +15,7 @@ from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.online.answers import Answer, Candidate, Suspect, words_of
 from orip.online.block.online_block import OnlineBlock
 from orip.online.control_examination import control_as_given
-from orip.online.deviations import photo_deviations, point_deviations
-from orip.online.fit import given_of, measured_of, residuals_of, statistics_of
+from orip.online.fit import given_of, measured_of, photo_deviations, point_deviations, residuals_of, statistics_of
 from orip.online.measuring import Measuring
 from orip.online.requests import Request, read_request
 from orip.online.session import LOG, OnlineSession

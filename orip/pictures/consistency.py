@@ -61,7 +61,6 @@ def examine_rays(
 
     Parameters
     ----------
-    tracks : Tracks
     place, error : ndarray (r, 2)
         Pixels.
     cameras : sequence of Camera

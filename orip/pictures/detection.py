@@ -304,8 +304,6 @@ def read_sheet(path: Path, shown: str, rings: Sequence[tuple[str, int]], radius:
 
     Parameters
     ----------
-    path : Path
-    shown : str
     rings : sequence of (name, int)
         Names of coded dots, and how many parts their rings have.
     radius : float or None

@@ -75,7 +75,6 @@ def foretold(work: Work, of_photo: float | None = None, of_pair: float | None = 
 
     Parameters
     ----------
-    work : Work
     of_photo, of_pair : float or None
         Seconds of a thread for the features of a photo, and for comparing two, as measured; None: not yet.
     """

@@ -18,18 +18,21 @@ from orip.pictures.consistency import examine_rays
 from orip.pictures.forecast import Pace
 from orip.pictures.matching.features import Features, find_features, match_features
 from orip.pictures.matching.pairs import View, neighbouring_pairs, promising_pairs, verified_matches
-from orip.pictures.matching.tracks import Tracks, join_tracks, parts_of, select_tracks
-from orip.pictures.matching.windows import (
+from orip.pictures.matching.tracks import (
     HALF,
     LEVELS,
     Approximations,
+    Tracks,
     approximate,
     cut_windows,
     halved,
     in_window,
     is_inside,
+    join_tracks,
     of_rays,
+    parts_of,
     patch_reaches,
+    select_tracks,
 )
 from orip.pictures.matching_cache import MatchingCache
 from orip.progress import stage
@@ -152,11 +155,8 @@ def find_tie_points(
 
     Parameters
     ----------
-    pictures : sequence of Picture
     features : sequence of Features
         Of `features_of`.
-    settings : TieSettings
-    cache : MatchingCache
     pace : Pace
         Is told how long pairs take.
     """

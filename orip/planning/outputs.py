@@ -11,8 +11,7 @@ from xml.sax.saxutils import escape
 import numpy as np
 
 from orip.planning.designed import Given
-from orip.planning.waypoints import Waypoints, require_upright, waypoints_of
-from orip.planning.wpml import wpml_bytes, xml_bytes, zipped
+from orip.planning.wpml import Waypoints, require_upright, waypoints_of, wpml_bytes, xml_bytes, zipped
 from orip.records.control import Station
 from orip.units import DEGREES_PER_RADIAN
 

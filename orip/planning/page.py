@@ -13,8 +13,7 @@ from orip.planning.forecast import Forecast
 from orip.planning.geometry import Frame, Terrain, footprint
 from orip.records.control import Station
 from orip.report.drawings.block_plan import MOST_OVERLAP, overlap_cells
-from orip.report.drawings.labels import MapPlane, map_plane
-from orip.report.drawings.svg import ChartFrame, Curve, drawing, element, line_chart, number
+from orip.report.drawings.svg import ChartFrame, Curve, MapPlane, drawing, element, line_chart, map_plane, number
 from orip.report.templates import template_source
 
 _CELLS = 110

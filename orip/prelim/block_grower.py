@@ -23,8 +23,7 @@ from orip.prelim.growing_block import (
     misplaced_photos,
     residual_lengths,
 )
-from orip.prelim.intersection import intersect
-from orip.prelim.rays import ImageRays, PhotoIndex
+from orip.prelim.rays import ImageRays, PhotoIndex, intersect
 from orip.prelim.refinement import ROUGH, refine
 from orip.prelim.relative.orientation import OrientedPair, orient_two_photos
 from orip.prelim.resection.known_points import FEW_BLUNDERS, fits_beyond_chance, image_configuration

@@ -11,9 +11,8 @@ from orip.arrays import BoolArray, IntArray
 from orip.geometry.rays import PhotoRays
 from orip.prelim.confirmed_rays import RayComparison, Votes, compared_pairs
 from orip.prelim.growing_block import GrowingBlock
-from orip.prelim.intersection import intersect, with_consensus
 from orip.prelim.measured_block import MORE, MeasuredBlock
-from orip.prelim.rays import ImageRays, rays_of_plane_images, thinned
+from orip.prelim.rays import ImageRays, intersect, rays_of_plane_images, thinned, with_consensus
 from orip.prelim.relative.orientation import OrientedPair
 from orip.prelim.routes import by_pairs
 from orip.structs import replace

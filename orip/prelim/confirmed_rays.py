@@ -9,12 +9,12 @@ from typing import NamedTuple
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.geometry.essential import TwoPhotos
+from orip.geometry.stereo import TwoPhotos
 from orip.prelim.rays import ImageRays, photo_index
 from orip.prelim.relative.given_scale import PairAtScale, adjusted_at_scale, at_scale
 from orip.prelim.relative.orientation import common_point_counts
 from orip.prelim.relative.solution import Pairs, PairSolution, solve
-from orip.prelim.resection.fitting_points import SeenPoints, fitting_points
+from orip.prelim.resection.resection import SeenPoints, fitting_points
 
 # Two photos show a wrong point only if it lies off the epipolar line; a third one shows wrong points on the line, too.
 # Rays of points common to three photos are therefore compared by the relative orientation of two of the photos and the

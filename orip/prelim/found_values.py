@@ -12,9 +12,8 @@ import numpy as np
 from orip.adjustment.weights import LIMIT_OF_TWO_COMPONENTS
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.prelim.growing_block import GrowingBlock, doubtful_photos, empty_growing_block, why_not_oriented
-from orip.prelim.intersection import intersect, with_consensus
 from orip.prelim.measured_block import MeasuredBlock
-from orip.prelim.rays import ImageRays
+from orip.prelim.rays import ImageRays, intersect, with_consensus
 from orip.prelim.refinement import parameters_with
 from orip.prelim.resection.resection import Unresected, resect
 from orip.prelim.routes import LEAST_RESECTION, Route

@@ -10,8 +10,7 @@ from msgspec import Struct, field
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.geometry.similarity import Similarity
 from orip.prelim.compiled import kernels
-from orip.prelim.intersection import SMALLEST_ANGLE
-from orip.prelim.rays import ImageRays, PhotoIndex
+from orip.prelim.rays import SMALLEST_ANGLE, ImageRays, PhotoIndex
 from orip.prelim.refinement import corrected, no_corrections
 from orip.prelim.relative.orientation import OrientedPair
 from orip.prelim.sampling import median

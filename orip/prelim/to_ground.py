@@ -12,8 +12,8 @@ from orip.geometry.rotation import rotation_from_angles
 from orip.geometry.similarity import Similarity
 from orip.prelim.ground import ratios_of_distances, with_arbitrary_datum
 from orip.prelim.growing_block import GrowingBlock, residual_lengths
-from orip.prelim.intersection import intersect, with_consensus
 from orip.prelim.measured_block import MeasuredBlock
+from orip.prelim.rays import intersect, with_consensus
 from orip.prelim.routes import Route, by_pairs
 from orip.prelim.similarity.absolute_orientation import absolute_orientation
 from orip.prelim.similarity.control_reading import other_reading

@@ -15,8 +15,7 @@ from orip.records.observation_kinds import PHOTO_POINT, unit_of_unknown
 from orip.records.results.solution import RigEstimate, Solution
 from orip.records.results.stations import StationResiduals, station_residuals
 from orip.records.rig import MOUNTING_PARAMETERS, OFFSET
-from orip.report.drawings.labels import Bars, histogram
-from orip.report.drawings.svg import ChartFrame, Curve, line_chart
+from orip.report.drawings.svg import Bars, ChartFrame, Curve, histogram, line_chart
 from orip.report.report_input import ReportInput, pixel_of_photo
 from orip.report.table import NO_LINKS, PageColumn, PageTable, counted, decimals_of_most, deviation, fixed, significant
 

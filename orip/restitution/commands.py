@@ -145,7 +145,7 @@ def export_command(
 
     Example: orip restitute export geopackage map.gpkg
     """
-    from orip.restitution.drawings import FORMATS
+    from orip.restitution.feature import FORMATS
     from orip.workflow.project.outputs import TextOutput, require_replaceable, write_output
     from orip.workflow.project.state import read_project
 

@@ -14,10 +14,9 @@ from orip.errors import Complaint, ProjectWarning
 from orip.files.log.stereo import read_stereo
 from orip.files.text.lines import existing_text
 from orip.geometry.plane import IDENTITY, PlaneTransformation
+from orip.records.measurement import StereoFeature, StereoVertex
 from orip.records.names import record_key
-from orip.records.stereo import StereoFeature, StereoVertex
-from orip.restitution.feature import Feature, Stereo, Vertex, snapped
-from orip.restitution.geo_text import ENDING, read_features, text_with
+from orip.restitution.feature import ENDING, Feature, Stereo, Vertex, read_features, snapped, text_with
 from orip.restitution.intersection import Intersected, StereoMarks, intersect
 from orip.workflow.adjust.results import solved_again
 from orip.workflow.adjust.solve import ADJUSTED_FROM

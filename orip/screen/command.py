@@ -78,7 +78,7 @@ def _measuring_screen(
 def _stereo_screen(
     terminal: Terminal, state: ProjectState, bundle: str | None, plates: Mapping[str, Plate]
 ) -> StereoScreen:
-    from orip.files.log.stereo_writing import StereoFile
+    from orip.files.log.stereo import StereoFile
     from orip.screen.stereo_screen import STEREO_FILE, StereoScreen
 
     project = state.project

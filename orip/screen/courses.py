@@ -16,9 +16,9 @@ from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.errors import LinkError, OripError
-from orip.files.log.stereo_writing import StereoFile
+from orip.files.log.stereo import StereoFile
+from orip.records.measurement import FeatureKind, StereoFeature, StereoVertex
 from orip.records.names import record_key
-from orip.records.stereo import FeatureKind, StereoFeature, StereoVertex
 from orip.screen.stereo_drawing import StereoView, Triple
 from orip.web.page_server import RequestError
 

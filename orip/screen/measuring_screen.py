@@ -15,10 +15,9 @@ import numpy as np
 from orip.errors import InputError, OripError
 from orip.images.matching.one_point import Transfer
 from orip.images.tiles import TILE, TileName, TileStore, level_count
-from orip.screen.asked import one_of, word
 from orip.screen.plates import Plate
 from orip.screen.proposals import propose
-from orip.web.page_server import Document, RequestError
+from orip.web.page_server import Document, RequestError, one_of, word
 
 _NEWS_EVERY_S = 0.25
 """Seconds after which is looked for what others have written to measurement files."""

@@ -85,10 +85,8 @@ def propose(
 
     Parameters
     ----------
-    store : TileStore
     plates : mapping of Plate
         By photo.
-    photo : str
     pixel : tuple
         Where it shows the point.
     transfers : sequence

@@ -13,8 +13,7 @@ from orip.structs import replace
 from orip.workflow.adjust.gates import check_solution, project_gates
 from orip.workflow.adjust.report import REPORTED_FROM, report_input
 from orip.workflow.project.bundle_state import read_bundle
-from orip.workflow.status import STATUS_FROM
-from orip.workflow.steps import initialise_step, measure_step, solve_step
+from orip.workflow.status import STATUS_FROM, initialise_step, measure_step, solve_step
 
 SCREEN = "./"
 """Address of the page of the screen, from that of the report."""

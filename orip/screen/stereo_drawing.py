@@ -8,8 +8,8 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from orip.arrays import FloatArray
-from orip.files.log.stereo_writing import StereoFile
-from orip.records.stereo import StereoFeature, StereoVertex
+from orip.files.log.stereo import StereoFile
+from orip.records.measurement import StereoFeature, StereoVertex
 from orip.web.page_server import Document
 
 Triple = tuple[float, float, float]

@@ -10,16 +10,14 @@ from importlib.resources import files
 from pathlib import Path
 
 from orip.errors import LinkError
-from orip.files.log.stereo_writing import StereoFile
+from orip.files.log.stereo import StereoFile
 from orip.images.tiles import TILE, TileName, TileStore, level_count
-from orip.records.stereo import FEATURE_KINDS, LEAST_VERTICES, FeatureKind, StereoFeature, StereoVertex
-from orip.screen.asked import number, numbers, one_of, word
+from orip.records.measurement import FEATURE_KINDS, LEAST_VERTICES, FeatureKind, StereoFeature, StereoVertex
 from orip.screen.courses import COURSE_KINDS, CourseDriver, CourseKind, contour, grid, profile
-from orip.screen.plates import Plate
+from orip.screen.plates import Plate, rectified_tile
 from orip.screen.proposals import propose
-from orip.screen.rectified_tiles import rectified_tile
 from orip.screen.stereo_drawing import StereoDrawing, StereoView
-from orip.web.page_server import Document, RequestError
+from orip.web.page_server import Document, RequestError, number, numbers, one_of, word
 
 STEREO_FILE = "STEREO.STE"
 """In the project folder; `orip restitute compute` takes it."""

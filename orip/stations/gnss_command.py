@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from orip.arrays import FloatArray
     from orip.stations.gnss.processing import GnssResult
-    from orip.stations.gnss.satellites import SatelliteUse
+    from orip.stations.gnss.solution import SatelliteUse
 
 _LEAST_DEVIATION = 1e-4
 _WAYS: dict[str, Way] = {"static": "static", "kinematic": "kinematic", "epochs": "epochs"}
@@ -106,7 +106,7 @@ def register_positions(group: typer.Typer) -> None:
         """
         from orip.files.text.atomic import write_output
         from orip.stations.gnss.processing import GnssFiles, process_gnss
-        from orip.stations.own_outputs import require_solution
+        from orip.stations.in_project import require_solution
 
         folder = invocation.folder
         files = GnssFiles(

@@ -54,8 +54,6 @@ def read_epochs(
 
     Parameters
     ----------
-    path : Path
-    shown : str
     columns : mapping of str to str, optional
         Headings of a table by key.
     deviations : Path, optional

@@ -13,7 +13,7 @@ from msgspec.structs import asdict
 from orip.cli.options import DryRunOption, Invocation, add_group, command
 from orip.cli.terminal import warning_rows
 from orip.errors import UsageError
-from orip.stations.imu_form import FormOptions, form_of, numbers_of, three_numbers
+from orip.stations.imu_noise_command import FormOptions, form_of, numbers_of, three_numbers
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -100,8 +100,8 @@ def _register(group: typer.Typer) -> None:
         Example: orip imu smooth imu.csv flight.pos --mount 180,0,-90 --lever-arm 0.1,0,-0.3
         """
         from orip.files.text.atomic import write_output
+        from orip.stations.in_project import require_trajectory
         from orip.stations.inertial.processing import ImuFiles, process_imu
-        from orip.stations.own_outputs import require_trajectory
 
         folder = invocation.folder
         if model.forward and exposures.events is not None:

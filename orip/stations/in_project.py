@@ -1,14 +1,17 @@
-"""Exposures in the project's coordinates: the stations that are written."""
+"""Exposures in the project's coordinates: the stations that are written, and which files of theirs are replaced."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
 
 import numpy as np
 from msgspec import Struct
 
 from orip.arrays import FloatArray
-from orip.errors import InputError, ProjectWarning
+from orip.errors import InputError, ProjectWarning, UsageError
+from orip.files.text.atomic import reporting_failure, require_no_link
+from orip.files.text.regular_file import open_regular
 from orip.geometry.ground_crs import near_place
 from orip.geometry.ground_frame import GroundFrame, ground_frame
 from orip.geometry.other_crs import motion_along
@@ -76,7 +79,6 @@ def stations_in_project(
 
     Parameters
     ----------
-    exposures : Exposures
     crs : str or None
         The project's.
     ground_unit : str
@@ -186,3 +188,49 @@ def _motion(motions: EventMotions, row: int) -> StationMotion | None:
 def _triple(values: FloatArray) -> tuple[float, float, float]:
     first, second, third = (float(value) for value in values)
     return first, second, third
+
+
+_RECORDS = {".sbet": 17, ".smrmsg": 10}
+"""Numbers of a record."""
+
+
+def require_solution(target: Path, inputs: Iterable[Path]) -> None:
+    """Refuse to replace what is read, or what is no solution of RTKLIB.
+
+    Raises
+    ------
+    UsageError, OripError
+    """
+    _require_own(target, inputs, _is_solution, "no solution of RTKLIB; name another file with --output")
+
+
+def require_trajectory(target: Path, inputs: Iterable[Path]) -> None:
+    """Refuse to replace what is read, or what is no SBET and no SMRMSG.
+
+    Raises
+    ------
+    UsageError, OripError
+    """
+    _require_own(target, inputs, _is_trajectory, "no trajectory; name another file, NAME.sbet, with --output")
+
+
+def _require_own(target: Path, inputs: Iterable[Path], is_own: Callable[[Path], bool], fault: str) -> None:
+    with reporting_failure(target.name, "name another file with --output"):
+        require_no_link(target)
+        if not target.exists():
+            return
+        if any(path.exists() and target.samefile(path) for path in inputs):
+            message = f"--output {target.name} is a file that is read; name another"
+            raise UsageError(message)
+        if not (target.is_file() and is_own(target)):
+            message = f"{target.name} is there and is {fault}"
+            raise UsageError(message)
+
+
+def _is_solution(path: Path) -> bool:
+    with open_regular(path) as file:
+        return bool(file.read(9) == b"% program")
+
+
+def _is_trajectory(path: Path) -> bool:
+    return path.suffix in _RECORDS and path.stat().st_size % (8 * _RECORDS[path.suffix]) == 0

@@ -150,7 +150,7 @@ def _made_from(path: Path) -> str | None:
 
 def _positions(project: ProjectFolder, task: _Task, settings: GnssSettings) -> Processed:
     from orip.stations.gnss.processing import GnssFiles, process_gnss
-    from orip.stations.own_outputs import require_solution
+    from orip.stations.in_project import require_solution
 
     rover, base, *orbits = task.files[: len(settings.orbits) + 2]
     require_solution(task.output, task.files)

@@ -8,8 +8,8 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.errors import Complaint, InputError
-from orip.files.control.differences_text import differences_text, parse_differences
 from orip.files.control.editing import read_control_lines
+from orip.files.control.stations_text import differences_text, parse_differences
 from orip.files.text.shown import Parsed
 from orip.geometry.ground_ellipsoid import place_axes
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles

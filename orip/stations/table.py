@@ -152,8 +152,6 @@ def read_station_table(
 
     Parameters
     ----------
-    path : Path
-    shown : str
     columns : mapping of str to str, optional
         Headings by key of `HEADINGS`, where they are not recognised.
     ground_unit : str

@@ -1,4 +1,4 @@
-"""The server of the pages of `orip drive watch`, `orip online` and `orip screen`: on the loopback interface.
+"""The server of the pages of `orip drive watch`, `orip online` and `orip screen`, on the loopback interface.
 
     GET  /TOKEN/          the page
     GET  /TOKEN/scene     what stays
@@ -19,7 +19,7 @@ import secrets
 import socket
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler
 from importlib.resources.abc import Traversable
@@ -312,3 +312,37 @@ def _request(body: bytes) -> Document:
 
 def _json(document: Document) -> bytes:
     return json.dumps(document, allow_nan=False, separators=(",", ":")).encode()
+
+
+def word(asked: Document, key: str) -> str:
+    """Return a name; raise a `RequestError` if it is missing."""
+    found = asked.get(key)
+    if not isinstance(found, str) or not found:
+        message = f"'{key}' is missing: give its name"
+        raise RequestError(message)
+    return found
+
+
+def one_of(asked: Document, key: str, allowed: Sequence[str]) -> Any:
+    """Return one of the words that are allowed; raise a `RequestError` if it is another one."""
+    found = asked.get(key)
+    if found not in allowed:
+        message = f"'{key}' is one of {', '.join(allowed)}"
+        raise RequestError(message)
+    return found
+
+
+def number(given: object, most: float) -> float:
+    """Return a number; raise a `RequestError` if it is none, or its size is above `most`."""
+    if isinstance(given, bool) or not isinstance(given, int | float) or not abs(given) <= most:
+        message = f"expected a number up to {most:g}"
+        raise RequestError(message)
+    return float(given)
+
+
+def numbers(given: object, count: int, most: float, what: str) -> tuple[float, ...]:
+    """Return so many numbers; raise a `RequestError` if these are others."""
+    if not isinstance(given, list) or len(given) != count:
+        message = f"{what} are {count} numbers"
+        raise RequestError(message)
+    return tuple(number(one, most) for one in given)

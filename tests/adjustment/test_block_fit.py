@@ -9,8 +9,8 @@ import pytest
 from adjustment.factorisation.linear_systems import equations_of
 from msgspec import Struct
 
+from orip.adjustment.convergence import judged_residuals, with_blocks_fitted
 from orip.adjustment.equations import Equations, Layout, Linearised
-from orip.adjustment.step_control import judged_residuals, with_blocks_fitted
 from orip.structs import replace
 
 Function = Callable[[np.ndarray], np.ndarray]

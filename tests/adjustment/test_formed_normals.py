@@ -8,7 +8,7 @@ from bundle.blocking.divided_blocks import calibrated, free, with_stations
 from bundle.solving import redefined
 from support.rig_blocks import rig_block
 
-from orip.adjustment import formed_normals, iteration
+from orip.adjustment import iteration, iteration_state
 from orip.adjustment.normals import solve_normals
 from orip.bundle.problem import pose_problem
 from orip.bundle.solve import SolvedBlock, iteration_settings, solve_problem
@@ -31,7 +31,7 @@ def adjusted(block: Block, monkeypatch: pytest.MonkeyPatch, worth_it: int) -> tu
         formed.append(1)
         return solve_normals(*arguments, **named)
 
-    monkeypatch.setattr(formed_normals, "_WORTH_IT", worth_it)
+    monkeypatch.setattr(iteration_state, "_WORTH_IT", worth_it)
     monkeypatch.setattr(iteration, "solve_normals", counted)
     settings = iteration_settings(block.definition)
     found = solve_problem(pose_problem(block), starting_state(block), settings, lambda _: None, lambda: False)

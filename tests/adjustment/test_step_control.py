@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from adjustment.factorisation.linear_systems import CurvedProblem, adjusted, converged, equations_of, settings
 
+from orip.adjustment.convergence import StepControl
 from orip.adjustment.equations import Layout
 from orip.adjustment.normals import solve_normals
 from orip.adjustment.precision import cofactors
-from orip.adjustment.step_control import StepControl
 
 
 def arctangent(start_off: float) -> tuple[CurvedProblem, np.ndarray]:

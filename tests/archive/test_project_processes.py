@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 from workflow.small_projects import first_project, replace_in
 
-from orip.archive import project_process
+from orip.archive import fork_server
 from orip.archive.fork_server import ProjectServer, load_all
 from orip.archive.simulation import simulated_project
 from orip.archive.task import Limits, ProjectTask, TaskReply, TaskSettings, begin_use
@@ -148,7 +148,7 @@ def carry_out(monkeypatch: pytest.MonkeyPatch) -> Doing:
                 something()
             return TaskReply(given.name, "adjusted", str(os.getpid()))
 
-        monkeypatch.setattr(project_process, "carry_out", carried_out)
+        monkeypatch.setattr(fork_server, "carry_out", carried_out)
 
     return does
 
@@ -181,8 +181,8 @@ def test_a_process_that_is_not_as_it_was_takes_no_other_project(
 def test_a_process_whose_memory_has_grown_takes_no_other_project(
     carry_out: Doing, server: ProjectServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    carry_out(lambda: monkeypatch.setattr(project_process, "peak_megabytes", lambda: 60.0))
-    monkeypatch.setattr(project_process, "peak_megabytes", lambda: 40.0)
+    carry_out(lambda: monkeypatch.setattr(fork_server, "peak_megabytes", lambda: 60.0))
+    monkeypatch.setattr(fork_server, "peak_megabytes", lambda: 40.0)
     first = process_of(server, task("one", megabytes=200))
     assert process_of(server, task("faulty", megabytes=200)) == first
     assert process_of(server, task("three", megabytes=200)) != first
@@ -191,7 +191,7 @@ def test_a_process_whose_memory_has_grown_takes_no_other_project(
 def test_a_process_is_replaced_after_some_projects(
     carry_out: Doing, server: ProjectServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(project_process, "MOST_PROJECTS", 2)
+    monkeypatch.setattr(fork_server, "MOST_PROJECTS", 2)
     carry_out(lambda: None)
     processes = [process_of(server, task(str(number))) for number in range(5)]
     assert processes[0] == processes[1] != processes[2] == processes[3] != processes[4]
@@ -231,7 +231,7 @@ def test_memory_that_projects_before_have_taken_does_not_count(
         before.append(given.name)
         return TaskReply(given.name, "adjusted", str(os.getpid()))
 
-    monkeypatch.setattr(project_process, "carry_out", as_much_as_is_left)
+    monkeypatch.setattr(fork_server, "carry_out", as_much_as_is_left)
     first = process_of(server, task("one"))
     assert process_of(server, task("two")) != first
 
@@ -245,7 +245,7 @@ def test_a_project_that_needs_too_much_memory_is_a_result(
     over = TaskReply("little", "over limit", "needs more than 1 MB of memory; see --memory")
     with monkeypatch.context() as patch:
         # what is free in the memory that the process has already does not count: this is more
-        patch.setattr(project_process, "carry_out", lambda _: bytearray(1 << 28))
+        patch.setattr(fork_server, "carry_out", lambda _: bytearray(1 << 28))
         how, reply = server.adjusted(little)
     assert (how, pickle.loads(reply)) == (ENDED, over)
     assert carry_out_here(little) == replace(over, repeated=True), "the same limit, the same end"

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orip.files.control.differences_text import differences_text, read_differences
+from orip.files.control.stations_text import differences_text, read_differences
 from orip.files.text.shown import Parsed
 from orip.records.control import StationDifference
 

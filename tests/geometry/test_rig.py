@@ -3,10 +3,10 @@
 import numpy as np
 from scipy.stats import chi2
 
-from orip.geometry.essential import relative_poses_with_partials
 from orip.geometry.perspective import perspective_with_partials
-from orip.geometry.rig import exposures_of_photos, photos_with_partials
+from orip.geometry.rolling_shutter import exposures_of_photos, photos_with_partials
 from orip.geometry.rotation import rotation_about_axes, rotation_from_angles, rotation_vectors_with_partials
+from orip.geometry.stereo import relative_poses_with_partials
 
 ERROR = 0.005
 C = 50.0

@@ -11,7 +11,7 @@ from orip.interior.definitions import Definitions
 from orip.interior.orientation import OrientedMarks, orient_photo
 from orip.mistakes.marks.all_films import marks_of_all_films
 from orip.mistakes.marks.misnamed import misnamed_marks
-from orip.mistakes.marks.points import points_in_another_unit
+from orip.mistakes.outside_frame import points_in_another_unit
 from orip.records.camera import Camera, Mark
 from orip.records.measurement import MeasuredMarks, PhotoObservations, PhotoOrientation, TransformationKind
 from orip.records.photo import Photo

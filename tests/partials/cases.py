@@ -28,13 +28,11 @@ from orip.bundle.starting_state import starting_state
 from orip.bundle.state import BlockState, PlacedFigures
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns
 from orip.geometry.equidistant import equidistant_with_partials
-from orip.geometry.essential import TwoPhotos, relative_poses_with_partials
 from orip.geometry.ground_frame import GroundFrame, ground_frame
 from orip.geometry.height_grid import _weights
 from orip.geometry.perspective import perspective_with_partials
 from orip.geometry.projection import projected_with_partials
-from orip.geometry.rig import photos_with_partials
-from orip.geometry.rolling_shutter import Motion, moving_image_with_partials
+from orip.geometry.rolling_shutter import Motion, moving_image_with_partials, photos_with_partials
 from orip.geometry.rotation import (
     angle_rates_from_axes_rotation,
     angles_from_rotation,
@@ -44,6 +42,7 @@ from orip.geometry.rotation import (
     rotation_vectors_with_partials,
 )
 from orip.geometry.similarity import Similarities, similarity_with_partials
+from orip.geometry.stereo import TwoPhotos, relative_poses_with_partials
 from orip.interior import additional_parameters, image_coordinates
 from orip.interior.additional_parameters import PARAMETER_SETS, additional_with_partials, base_of_camera, default_error
 from orip.interior.distortion import (

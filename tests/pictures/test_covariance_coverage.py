@@ -18,7 +18,7 @@ from scipy.stats import chi2
 
 from orip import Block, Camera, ControlPoints, PhotoPoints, Photos, Solution
 from orip.images.matching.least_squares import Fate, MatchSettings, Windows, match_rays
-from orip.pictures.matching.windows import HALF, cut_windows, in_window
+from orip.pictures.matching.tracks import HALF, cut_windows, in_window
 
 SIDE, PHOTOS, TIES = 320, 5, 5
 C, FOCAL = 100.0, 10.0

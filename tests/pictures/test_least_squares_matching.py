@@ -12,9 +12,16 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 from support.long_cases import every
 
 from orip.images.matching.least_squares import Fate, MatchedRays, MatchSettings, Windows, match_rays
-from orip.images.matching.patches import Template, mean_patch, partials, patch_grid, sample_patches
-from orip.images.matching.sampling import sample, spline_coefficients
-from orip.pictures.matching.windows import HALF, cut_windows, in_window
+from orip.images.matching.patches import (
+    Template,
+    mean_patch,
+    partials,
+    patch_grid,
+    sample,
+    sample_patches,
+    spline_coefficients,
+)
+from orip.pictures.matching.tracks import HALF, cut_windows, in_window
 from orip.structs import replace
 
 SIDE = 340

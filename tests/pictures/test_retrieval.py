@@ -7,7 +7,7 @@ import pytest
 
 from orip.pictures.matching import pairs
 from orip.pictures.matching.features import Features
-from orip.pictures.matching.retrieval import likely_pairs
+from orip.pictures.matching.pairs import likely_pairs
 
 STRIPS, OF_STRIP = 8, 24
 KINDS = 400

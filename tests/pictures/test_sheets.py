@@ -13,7 +13,7 @@ from support.long_cases import every
 from orip.arrays import FloatArray
 from orip.errors import OripError
 from orip.geometry.rotation import rotation_from_angles
-from orip.pictures.targets.neighbours import eccentricity
+from orip.pictures.targets.found_boards import eccentricity
 from orip.pictures.targets.printing import Shape
 from orip.pictures.targets.sheets import Sheet, find_sheet, sheet_of
 

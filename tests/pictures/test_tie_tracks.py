@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from orip.pictures.matching.features import Features, cells, match_features, spread
 from orip.pictures.matching.pairs import View, neighbouring_pairs, promising_pairs, verified_matches
-from orip.pictures.matching.tracks import Tracks, join_tracks, select_tracks
-from orip.pictures.matching.windows import approximate, of_rays
+from orip.pictures.matching.tracks import Tracks, approximate, join_tracks, of_rays, select_tracks
 
 
 def features(place: NDArray[np.float64], rng: np.random.Generator, scale: float = 4.0) -> Features:

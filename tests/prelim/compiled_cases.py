@@ -8,7 +8,7 @@ from support.synthetic_block import synthetic_block
 
 from orip.prelim.rays import ImageRays, image_rays, photo_index
 from orip.prelim.relative.solution import Pairs
-from orip.prelim.similarity.common_points import CommonPoints
+from orip.prelim.similarity.adjustment import CommonPoints
 
 BLUNDERS = 12
 

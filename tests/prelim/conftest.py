@@ -6,21 +6,21 @@ import pytest
 from support.prelim_references import intersection as intersections
 from support.prelim_references import relative, resection, similarity
 
-from orip.prelim import growing_block, intersection
+from orip.prelim import growing_block, rays
 from orip.prelim.relative import given_scale, orientation, solution
-from orip.prelim.resection import fitting_points, start
 from orip.prelim.resection import resection as photo
+from orip.prelim.resection import start
 from orip.prelim.similarity import adjustment, joining, partial_blocks
 from orip.prelim.similarity import start as similarity_start
 
 REFERENCES = (
     (adjustment, "_adjustment", similarity._adjustment),
-    (fitting_points, "_fit_all", lambda seen, _found: range(len(seen.starts) - 1)),
+    (photo, "_fit_all", lambda seen, _found: range(len(seen.starts) - 1)),
     (given_scale, "_adjusted", relative._adjusted),
     (given_scale, "_at_scale", relative._at_scale),
     (growing_block, "_residual_lengths", intersections._residual_lengths),
-    (intersection, "_intersected", intersections._intersected),
-    (intersection, "_with_consensus", intersections._with_consensus),
+    (rays, "_intersected", intersections._intersected),
+    (rays, "_with_consensus", intersections._with_consensus),
     (joining, "_found", lambda source, target, names: joining._Joint(source, target, names).found()),
     (orientation, "_counts", relative._counts),
     (partial_blocks, "_assembled", similarity._assembled),

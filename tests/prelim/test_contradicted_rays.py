@@ -12,7 +12,7 @@ from monte_carlo.preliminary_blocks import simulated_records
 from monte_carlo.preliminary_records import gathered
 from scipy.spatial.transform import Rotation
 
-from orip.geometry.essential import TwoPhotos
+from orip.geometry.stereo import TwoPhotos
 from orip.prelim.chain import preliminary_values
 from orip.prelim.confirmed_block import (
     block_without_contradicted_rays,

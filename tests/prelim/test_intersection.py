@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.seen_points import rays_of, rotation_of
 
-from orip.prelim.intersection import SMALLEST_ANGLE, intersect
+from orip.prelim.rays import SMALLEST_ANGLE, intersect
 from orip.structs import replace
 
 GRID = np.array([400_000.0, 5_300_000.0, 0.0])

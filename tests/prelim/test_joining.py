@@ -12,11 +12,9 @@ from support.prelim_references.similarity import student_limit
 
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.geometry.similarity import Similarity
-from orip.prelim.similarity.adjustment import adjust_similarity
+from orip.prelim.similarity.adjustment import CommonPoints, adjust_similarity, misfits, unbent
 from orip.prelim.similarity.bridging import bridge, bridge_row, connect_strips
-from orip.prelim.similarity.common_points import CommonPoints
 from orip.prelim.similarity.joining import Joined, join
-from orip.prelim.similarity.misfits import misfits, unbent
 from orip.prelim.similarity.partial_blocks import assembled, transformed
 from orip.prelim.similarity.start import start_from_triples
 from orip.records.preliminary import NotOriented, PartialBlock

@@ -8,8 +8,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 from support.seen_points import rays_of, rotation_of
 
-from orip.prelim.intersection import intersect
-from orip.prelim.rays import ALL_KNOWN, UnknownCameras
+from orip.prelim.rays import ALL_KNOWN, UnknownCameras, intersect
 from orip.prelim.refinement import EXPECTED, refine
 from orip.structs import replace
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from orip.report.drawings.labels import Box, labels
+from orip.report.drawings.svg import Box, labels
 
 FRAME = Box(0.0, 0.0, 400.0, 300.0)
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from orip.files.log.stereo import feature_header, read_stereo, vertex_line
-from orip.records.stereo import StereoFeature, StereoVertex
-from orip.restitution.feature import Feature, Stereo, Vertex, snapped
-from orip.restitution.geo_text import read_features, text_with
+from orip.records.measurement import StereoFeature, StereoVertex
+from orip.restitution.feature import Feature, Stereo, Vertex, read_features, snapped, text_with
 
 ROAD = Feature(
     "LINE", "ROAD", "17",

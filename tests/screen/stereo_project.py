@@ -12,7 +12,7 @@ from support.rendered_surface import RenderedStrip, render_strip, write_strip
 from workflow.quiet import run_quietly
 
 from orip.annexes import STEREO_MODELS, annex
-from orip.files.log.stereo_writing import StereoFile
+from orip.files.log.stereo import StereoFile
 from orip.multimodel.stereo_processor import StereoProcessor
 from orip.records.results.solution import Solution
 from orip.screen.plates import plates_of

@@ -13,8 +13,12 @@ pytest.importorskip("cv2")
 from screen.rendered_project import NEW, Rendered, asked, served  # noqa: E402  # after what it needs
 
 from orip.images import TILE_FOLDER, tiles  # noqa: E402
-from orip.images.tile_folder import TileFolder  # noqa: E402
-from orip.images.tiles import StoredImage, TileName, TileStore  # noqa: E402
+from orip.images.tiles import (  # noqa: E402
+    StoredImage,
+    TileFolder,
+    TileName,
+    TileStore,
+)
 from orip.online.block.online_block import OnlineBlock  # noqa: E402
 
 

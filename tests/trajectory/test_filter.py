@@ -23,7 +23,7 @@ from trajectory.inertial_flight import (
     written,
 )
 
-from orip.stations.gnss.calendar import moment
+from orip.stations.gnss.raw_files import moment
 from orip.stations.inertial.alignment import align, course_deviation, level_deviation
 from orip.stations.inertial.common_errors import common_errors
 from orip.stations.inertial.findings import Named, findings, fix_statistics

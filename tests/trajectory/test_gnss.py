@@ -16,8 +16,13 @@ from support.json_schemas import schema_faults
 from orip.errors import Complaint, OripError
 from orip.stations.gnss import rtklib
 from orip.stations.gnss.receiver_data import read_receiver_file
-from orip.stations.gnss.satellites import satellites_used, unlike_the_others
-from orip.stations.gnss.solution import doubted_stretches, join_directions, parse_solution
+from orip.stations.gnss.solution import (
+    doubted_stretches,
+    join_directions,
+    parse_solution,
+    satellites_used,
+    unlike_the_others,
+)
 
 GNSS = REFERENCE_DATA / "gnss"
 ROVER, BASE, ORBITS = "07590920.05o", "30400920.05o", "30400920.05n"

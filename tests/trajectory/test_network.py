@@ -15,7 +15,7 @@ from support.json_schemas import schema_faults
 from orip.files.control.covariances_text import parse_covariances
 from orip.files.control.editing import FORMS
 from orip.files.text.shown import Parsed
-from orip.stations.gnss.network import Baseline, adjust_network, unreached
+from orip.stations.gnss.network_processing import Baseline, adjust_network, unreached
 
 GNSS = REFERENCE_DATA / "gnss"
 ROVER, BASE, ORBITS = "07590920.05o", "30400920.05o", "30400920.05n"

@@ -11,8 +11,7 @@ from cli.command_line import orip
 from reference.published_data import REFERENCE_DATA
 from trajectory.inertial_flight import LEVER_ARM, MEMS, START, flight, observed, written
 
-from orip.files.control.differences_text import read_differences
-from orip.files.control.stations_text import read_stations
+from orip.files.control.stations_text import read_differences, read_stations
 from orip.records.epochs import SECONDS_PER_WEEK
 
 OFF = (-3978242.4348, 3382841.1715, 3650002.7667)

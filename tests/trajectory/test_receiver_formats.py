@@ -16,9 +16,8 @@ from trajectory.precise_orbits import antex, clocks, sp3
 from trajectory.receiver_streams import rtcm3, ubx
 
 from orip.geometry.ground_ellipsoid import geographic_from_geocentric, place_axes
-from orip.stations.gnss.calendar import moment, seconds_of_date
 from orip.stations.gnss.given_files import read_antex
-from orip.stations.gnss.raw_files import log_of
+from orip.stations.gnss.raw_files import log_of, moment, seconds_of_date
 from orip.stations.gnss.receiver_data import read_receiver_file
 from orip.stations.interpolation import WGS84
 

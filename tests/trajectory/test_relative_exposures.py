@@ -25,14 +25,13 @@ from trajectory.inertial_flight import (
     written,
 )
 
-from orip.files.control.differences_text import read_differences
-from orip.files.control.stations_text import read_stations
+from orip.files.control.stations_text import read_differences, read_stations
 from orip.geometry.ground_ellipsoid import geocentric_from_geographic, geographic_from_geocentric, place_axes
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
-from orip.stations.inertial.chain import chain_of
 from orip.stations.inertial.differences import independent_poses
 from orip.stations.inertial.samples import ImuNoise, Observed
 from orip.stations.inertial.smoother import smooth
+from orip.stations.inertial.solution import chain_of
 from orip.stations.interpolation import WGS84
 
 pytest.importorskip("gtsam")

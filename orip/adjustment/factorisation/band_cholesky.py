@@ -318,10 +318,6 @@ def factorise_band(
         Columns known to have no observation at all; they are removed at once.
     first : int
         Number of leading columns of which one is removed wherever it will do.
-
-    Returns
-    -------
-    BandFactor
     """
     return factor_of_determined(
         partial(_factor, matrix),

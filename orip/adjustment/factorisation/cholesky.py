@@ -99,10 +99,6 @@ def factorise_dissected(
         Columns known to have no observation at all; they are removed at once.
     first : int
         Number of leading columns of which one is removed wherever it will do.
-
-    Returns
-    -------
-    DissectedFactor
     """
     return factor_of_determined(
         partial(_factor, matrix), matrix.times, matrix.is_finite, undetermined, max_lost_digits, first
@@ -228,10 +224,6 @@ def factorise(matrix: FloatArray, max_lost_digits: float, undetermined: BoolArra
         Columns known to have no observation at all; they are removed at once.
     first : int
         Number of leading columns of which one is removed wherever it will do.
-
-    Returns
-    -------
-    Factor
     """
     given = _Symmetric(matrix)
     return factor_of_determined(given.factor, given.times, given.is_finite, undetermined, max_lost_digits, first)

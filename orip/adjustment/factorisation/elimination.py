@@ -129,11 +129,6 @@ def factorise_blocks(
         For each coordinate the squares of all partials by the block, summed over the observations that depend on it.
     fixed : array (b, 3) of bool
         Coordinates that are no unknowns.
-    max_lost_digits : float
-
-    Returns
-    -------
-    BlockFactors
     """
     count = len(blocks)
     diagonal = np.einsum("bii->bi", blocks)

@@ -76,8 +76,6 @@ def eliminate_front(
     ----------
     matrix : array (f (f + 1) / 2,)
         What the node's own observations add to the normal equations.
-    shape : Shape
-    scale : FrontScale
     of_children : arrays or None
         Triangles of what remained of the children's fronts.
     """

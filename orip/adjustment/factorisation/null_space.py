@@ -69,11 +69,6 @@ def soft_movements(
         Places that take part.
     size : int
         m.
-    least_stiffness : float
-
-    Returns
-    -------
-    SoftMovements
     """
     guesses = min(_FIRST_GUESSES, len(unknowns))
     random = np.random.default_rng(len(unknowns))

@@ -23,8 +23,8 @@ from orip.bundle.results.ground import LEVEL_PHI, UNDETERMINED, deviations, redu
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.state import RADIUS, SHIFTS, TILTS
 from orip.bundle.unknowns import CONSTANT
-from orip.geometry.essential import RelativePoses, relative_poses_with_partials
 from orip.geometry.rotation import angle_rates_from_axes_rotation, angles_from_rotation
+from orip.geometry.stereo import RelativePoses, relative_poses_with_partials
 from orip.interior.motions import rolling_cameras
 from orip.records.block import Block
 from orip.records.figures import FigureEstimate, figures_in

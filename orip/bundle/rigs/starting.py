@@ -12,7 +12,7 @@ import numpy as np
 from msgspec import Struct
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.geometry.rig import RigPhotos, exposures_of_photos, photos_with_partials
+from orip.geometry.rolling_shutter import RigPhotos, exposures_of_photos, photos_with_partials
 from orip.geometry.rotation import (
     angles_from_rotation,
     rotation_about_axes,

@@ -12,7 +12,7 @@ from orip.adjustment.residual_sums import joint_effects
 from orip.arrays import FloatArray
 from orip.bundle.kinds.photo_point import names_of_photo_points
 from orip.bundle.kinds.station_difference import disregarded_difference
-from orip.bundle.snooping.correlated import correlated_groups, size_of_errors
+from orip.bundle.snooping.hypotheses import correlated_groups, size_of_errors
 from orip.bundle.solve import SolvedBlock
 from orip.records.block import Block, IndexedPhotoPoints
 from orip.records.control import (

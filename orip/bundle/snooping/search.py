@@ -20,9 +20,15 @@ from orip.adjustment.residual_sums import JointEffects, factored_rows, joint_eff
 from orip.adjustment.sparse_rows import SparseRows
 from orip.arrays import IntArray
 from orip.bundle.problem import BlockProblem, pose_problem
-from orip.bundle.snooping.correlated import correlated_groups, in_directions, with_their_groups
 from orip.bundle.snooping.findings import Finding, blunders_of
-from orip.bundle.snooping.hypotheses import Screening, effects_of, hypotheses_of
+from orip.bundle.snooping.hypotheses import (
+    Screening,
+    correlated_groups,
+    effects_of,
+    hypotheses_of,
+    in_directions,
+    with_their_groups,
+)
 from orip.bundle.snooping.selection import (
     NOTHING_FREED,
     Candidates,

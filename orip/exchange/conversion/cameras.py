@@ -148,9 +148,7 @@ class ExportedCamera(Struct, frozen=True):
         return replace(self.camera, parameters={**self.camera.parameters, "cx": 0.0, "cy": 0.0})
 
 
-def convert_camera(
-    source: ExchangedCamera, name: str, *, accepts_any_fit: bool = False, unknown: tuple[str, ...] = ()
-) -> ConvertedCamera:
+def convert_camera(source: ExchangedCamera, name: str, *, accepts_any_fit: bool = False) -> ConvertedCamera:
     """Return orip's camera for one of another program.
 
     Parameters
@@ -159,8 +157,6 @@ def convert_camera(
         Of the record.
     accepts_any_fit : bool
         Measurements will be corrected for what the fit leaves.
-    unknown : tuple of str
-        Parameters that the adjustment is to estimate.
 
     Raises
     ------
@@ -190,7 +186,6 @@ def convert_camera(
         distortion_at="measured" if polynomial.at_measured else "ideal",
         projection=projection,
         sensor=sensor,
-        unknown=unknown,
     )
     return ConvertedCamera(camera, source, worst, float(np.sqrt(np.mean(length**2))), size_is_assumed)
 

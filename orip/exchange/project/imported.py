@@ -13,7 +13,7 @@ from orip.errors import Complaint, InputError, UsageError
 from orip.exchange.format import Format
 from orip.exchange.formats import FORMATS, FORMATS_READ, files_of_formats, format_named, guessed_source
 from orip.exchange.project.block import ExchangeSettings, ImportedBlock, imported_block
-from orip.exchange.project.temporary import write_whole_folder
+from orip.exchange.project.exported import write_whole_folder
 from orip.exchange.project.texts import ImportedTexts, ImportSource, imported_texts
 from orip.exchange.sources.names import SOURCE_FILE, place_from
 from orip.files.control.reader import read_control

@@ -10,9 +10,16 @@ from typing import Any, Literal
 from msgspec import Struct
 
 from orip.errors import InputError
-from orip.files.control.differences_text import DIFFERENCE_KEYS, OPTIONAL_DIFFERENCE_KEYS, parse_differences
 from orip.files.control.preliminary_text import parse_preliminary
-from orip.files.control.stations_text import OPTIONAL_KEYS, STATION_KEYS, is_heading, parse_stations
+from orip.files.control.stations_text import (
+    DIFFERENCE_KEYS,
+    OPTIONAL_DIFFERENCE_KEYS,
+    OPTIONAL_KEYS,
+    STATION_KEYS,
+    is_heading,
+    parse_differences,
+    parse_stations,
+)
 from orip.files.control.text import parse_directions, parse_distances, parse_elements, parse_figures, parse_points
 from orip.files.text.decimal_numbers import is_number, parse_number
 from orip.files.text.lines import TextField, TextLine, decode_lines, existing_bytes, split_line

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from orip.files.control.covariances_text import parse_covariances, with_own_correlations
-from orip.files.control.differences_text import parse_differences
-from orip.files.control.stations_text import parse_stations_and_reference
+from orip.files.control.stations_text import parse_differences, parse_stations_and_reference
 from orip.files.control.text import parse_directions, parse_distances, parse_elements, parse_figures, parse_points
 from orip.files.text.lines import read_lines
 from orip.files.text.shown import Parsed

@@ -7,7 +7,7 @@ from collections.abc import Callable, Hashable, Iterator, Sequence
 from typing import Generic, TypeVar, get_args
 
 from orip.errors import Complaint, ProjectWarning
-from orip.files.control.correlations import read_correlations
+from orip.files.control.covariances_text import read_correlations
 from orip.files.text.decimal_numbers import parse_number
 from orip.files.text.lines import FieldReader, field_lines
 from orip.files.text.shown import Parsed, shown_token

@@ -9,11 +9,10 @@ from typing import Any
 from msgspec import Struct
 
 from orip.files.project.reader import parse_project
-from orip.files.project.record_values import TomlTable
 from orip.files.project.records import project_document, project_text, record_text
 from orip.files.project.tables import RECORD_SECTIONS, SINGLE_SECTIONS
 from orip.files.project.toml_lines import KeyPath, TomlLines, toml_document
-from orip.files.project.toml_text import toml_assignment
+from orip.files.project.toml_text import TomlTable, toml_assignment
 from orip.files.text.lines import split_line
 from orip.records.definition import ProjectDefinition
 from orip.records.names import record_key

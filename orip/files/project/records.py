@@ -7,10 +7,9 @@ from typing import Any
 
 from msgspec.structs import asdict
 
-from orip.files.project.record_values import TomlTable, toml_of
 from orip.files.project.source import Located, ProjectSource
 from orip.files.project.tables import RECORD_SECTIONS, SINGLE_SECTIONS, ProjectTable
-from orip.files.project.toml_text import toml_table
+from orip.files.project.toml_text import TomlTable, toml_of, toml_table
 from orip.records.camera import Camera, with_shared_lenses, without_lens, without_radial_distortion
 from orip.records.definition import BundleDefinition, ProjectDefinition, ReportDetails, StereoModel
 from orip.records.names import record_key

@@ -8,9 +8,9 @@ from typing import Any, Generic, TypeVar, cast
 from msgspec import Struct, field
 
 from orip.files.project.forms import Finding
-from orip.files.project.record_values import record_of
 from orip.files.project.tables import SECTIONS, CheckTable, Fault, ProjectTable, table_faults, table_of, unknown_key
 from orip.files.project.toml_lines import KeyPath
+from orip.files.project.toml_text import record_of
 from orip.files.text.shown import shown_token
 from orip.records.camera import Camera
 from orip.records.definition import Antenna, BundleDefinition, ReportDetails, StereoModel

@@ -105,9 +105,9 @@ def _written(kind: object, row: object, name: str) -> object:
 _SINGULAR = Literal["singular"]
 
 
-def result_text(solution: Solution, residuals_file: str = RESIDUALS_FILE) -> str:
+def result_text(solution: Solution) -> str:
     """Return result.json as text: indented, short objects on one line, shortest exact floats, a newline at the end."""
-    return "".join(result_pieces(solution, residuals_file))
+    return "".join(result_pieces(solution))
 
 
 def result_pieces(solution: Solution, residuals_file: str = RESIDUALS_FILE) -> Iterator[str]:

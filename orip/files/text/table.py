@@ -364,11 +364,11 @@ def paragraph(text: str, indent: int = INDENT, hanging: int = 0) -> list[str]:
     )
 
 
-def key_lines(pairs: Sequence[tuple[str, str, str]], indent: int = INDENT) -> list[str]:
+def key_lines(pairs: Sequence[tuple[str, str, str]]) -> list[str]:
     """Return lines of ``label  value  remark``, labels and values in columns."""
     label_width = max((len(label) for label, _, _ in pairs), default=0)
     value_width = max((len(value) for _, value, _ in pairs), default=0)
     return [
-        f"{' ' * indent}{label.ljust(label_width)}  {value.rjust(value_width)}  {remark}".rstrip()
+        f"{' ' * INDENT}{label.ljust(label_width)}  {value.rjust(value_width)}  {remark}".rstrip()
         for label, value, remark in pairs
     ]

@@ -27,8 +27,8 @@ from orip.images.matching.patches import (
     partials,
     patch_grid,
     sample_patches,
+    spline_coefficients,
 )
-from orip.images.matching.sampling import spline_coefficients
 
 
 class Fate(IntEnum):

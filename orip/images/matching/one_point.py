@@ -114,7 +114,6 @@ def find_point(
         The photo that shows the point.
     place : ndarray (2,)
         Where it does: column and row from the outer corner of the upper left pixel.
-    others : sequence of Expected
     """
     starts = [_searched(grey, place, other) for other in others]
     rays = [

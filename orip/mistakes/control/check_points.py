@@ -206,7 +206,6 @@ def control_in_another_height_system(block: Block, solution: Solution) -> Iterat
     ----------
     block : Block
         As gathered.
-    solution : Solution
     """
     observed = any(element.group == "PHOTO" and element.kind == "Z0" for element in block.elements)
     if not (observed or any(station.has_position for station in block.stations)) or block.ground_unit != "m":

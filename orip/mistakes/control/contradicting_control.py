@@ -78,13 +78,7 @@ def _with_doubted_rays(block: Block, of_rays: IntArray) -> set[str]:
 
 
 def control_warnings(block: Block, seen: SeenCoordinates) -> list[ProjectWarning]:
-    """Return a warning for each control point that the photos see elsewhere, with what was probably meant.
-
-    Parameters
-    ----------
-    block : Block
-    seen : SeenCoordinates
-    """
+    """Return a warning for each control point that the photos see elsewhere, with what was probably meant."""
     points = {
         point.name: point
         for point in block.control_points
@@ -254,7 +248,6 @@ def released_control(block: Block, names: Sequence[str]) -> Iterator[Hypothesis]
 
     Parameters
     ----------
-    block : Block
     names : sequence of str
         Control points that are doubted, the worst first.
     """

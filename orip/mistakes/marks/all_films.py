@@ -55,7 +55,6 @@ def marks_of_all_films(definitions: Definitions, adjustments: Sequence[MarkAdjus
 
     Parameters
     ----------
-    definitions : Definitions
     adjustments : sequence of MarkAdjustment
         Of all templates and photos.
     """

@@ -80,7 +80,6 @@ def misread_stations(block: Block, solved: SolvedBlock) -> list[ProjectWarning]:
     ----------
     block : Block
         As gathered.
-    solved : SolvedBlock
     """
     if any(warning.code in two_systems.CODES for warning in block.warnings):
         return []  # said already

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from orip.errors import InputError, OripError, ProjectWarning, UsageError
-from orip.files.log.stereo_writing import StereoFile
+from orip.files.log.stereo import StereoFile
 from orip.files.text.lines import field_name_fault
 from orip.multimodel.digitising.operator import Named, Visit
 from orip.multimodel.digitising.order import next_name
@@ -16,8 +16,8 @@ from orip.multimodel.digitising.setup import Digitised, DigitisingSetup
 from orip.multimodel.digitising.wanted import BundlePoints, bundle_points, model_named
 from orip.multimodel.state import Position
 from orip.records.definition import StereoModel
+from orip.records.measurement import FEATURE_KINDS, FeatureKind, StereoVertex
 from orip.records.names import record_key
-from orip.records.stereo import FEATURE_KINDS, FeatureKind, StereoVertex
 from orip.wording import listed_names
 
 _MOST_CODES = 9

@@ -1,9 +1,10 @@
-"""The first photos of a session: whether there is enough in them, and where their adjustment starts."""
+"""The first photos of a session: whether there is enough in them, where their adjustment starts, and their points."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import cache
+from typing import Any
 
 import numpy as np
 from msgspec import Struct
@@ -15,6 +16,7 @@ from orip.bundle.unknowns import UnknownName
 from orip.errors import NotSolvableError
 from orip.online.block.measurements import Measurements
 from orip.online.sequential.observation_rows import ObservationKey, ReducedColumns
+from orip.online.sequential.sequential_block import SequentialBlock
 from orip.records.block import Block
 from orip.records.control import PreliminaryPoint
 from orip.records.photo import PHOTO_PARAMETERS
@@ -31,7 +33,48 @@ from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.run_id import changed_inputs
-from orip.workflow.steps import inputs_now
+from orip.workflow.status import inputs_now
+
+
+class PlacesAtSolution(Mapping[str, FloatArray]):
+    """Coordinates (3,) of points by name: their values with their corrections, as long as the block does not change.
+
+    Parameters
+    ----------
+    values : mapping of array (3,)
+        Those that the equations have been linearised at.
+    tied : mapping of array (3,)
+        The points among them that are known already: their corrections are reduced unknowns.
+    reduced : array (n,)
+        Corrections of the reduced unknowns.
+    """
+
+    def __init__(
+        self,
+        values: Mapping[str, FloatArray],
+        tied: Mapping[str, FloatArray],
+        equations: SequentialBlock[Any],
+        reduced: FloatArray,
+    ) -> None:
+        self._values, self._tied, self._equations, self._reduced = values, tied, equations, reduced
+
+    def __getitem__(self, name: str) -> FloatArray:
+        """Return the coordinates (3,) of a point; raise `KeyError` if it has no values."""
+        tied = self._tied.get(name)
+        return self._values[name] + self._equations.point_correction(name, self._reduced) if tied is None else tied
+
+    def __contains__(self, name: object) -> bool:
+        """Return whether a point has values."""
+        return name in self._values
+
+    def __iter__(self) -> Iterator[str]:
+        """Yield the names."""
+        return iter(self._values)
+
+    def __len__(self) -> int:
+        """Return the number of points."""
+        return len(self._values)
+
 
 _ENDED = ("converged", "doubtful")
 """What is doubtful about a solution shows in a session again."""

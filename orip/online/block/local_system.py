@@ -19,7 +19,7 @@ from orip.online.block.first_photos import FirstValues
 from orip.online.block.measurements import Measurements
 from orip.prelim.resection.known_points import image_configuration
 from orip.prelim.similarity.absolute_orientation import fit_to_control
-from orip.prelim.similarity.common_points import CommonPoints
+from orip.prelim.similarity.adjustment import CommonPoints
 from orip.records.block import Block
 from orip.records.control import Control
 from orip.records.names import record_key

@@ -13,10 +13,9 @@ from orip.bundle.assemble import BlockInput
 from orip.bundle.starting_state import starting_state
 from orip.bundle.unknowns import number_unknowns
 from orip.online.block.current_values import CurrentValues, counting_alone, with_cameras_held
-from orip.online.block.first_photos import FirstValues, PhotoCorrections
+from orip.online.block.first_photos import FirstValues, PhotoCorrections, PlacesAtSolution
 from orip.online.block.local_system import LocalSystem
 from orip.online.block.measurements import Measurements, RayName
-from orip.online.block.places_at_solution import PlacesAtSolution
 from orip.online.sequential.hyper_rows import ObservationRows
 from orip.online.sequential.observation_rows import ObservationKey, ReducedColumns, linearised
 from orip.online.sequential.sequential_block import SequentialBlock

@@ -59,7 +59,6 @@ def find_features(grey: NDArray[np.uint8], size: tuple[int, int], most: int) -> 
         The picture, perhaps reduced.
     size : tuple of 2 int
         Columns and rows of the photo stored.
-    most : int
     """
     import cv2
 
@@ -101,7 +100,6 @@ def spread(
     response : ndarray (n,)
     size : tuple of 2 int
         Columns and rows.
-    most : int
     """
     cell = cells(place, size, _CELLS * _CELLS)
     by_strength = np.lexsort((place[:, 0], place[:, 1], -response, cell))

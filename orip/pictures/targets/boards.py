@@ -11,7 +11,7 @@ from msgspec import Struct
 
 from orip.errors import OripError
 from orip.pictures.targets.coded_dots import FAMILIES, OUTER, codes_of
-from orip.pictures.targets.packages import opencv
+from orip.pictures.targets.marks import opencv
 
 BoardKind = Literal["charuco", "chess", "circles", "tags", "rings"]
 

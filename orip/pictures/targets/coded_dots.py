@@ -94,7 +94,6 @@ def find_coded(grey: Any, family: str, prefix: str = "") -> FoundTargets:
     grey : array (rows, columns) of uint8 or uint16
     family : str
         Of `FAMILIES`.
-    prefix : str
     """
     picture = as_bytes(grey)
     numbers = {code: number for number, code in enumerate(codes_of(family))}

@@ -28,7 +28,6 @@ def measure_crossing(picture: Any, name: str, start: tuple[float, float], radius
     Parameters
     ----------
     picture : array (rows, columns) of uint8
-    name : str
     start : tuple of 2 float
         Approximate column and row.
     radius : float

@@ -9,8 +9,7 @@ import numpy as np
 from msgspec import Struct
 
 from orip.arrays import FloatArray
-from orip.pictures.targets.marks import Rejected
-from orip.pictures.targets.packages import opencv
+from orip.pictures.targets.marks import Rejected, opencv
 
 SMALLEST_RADIUS = 2.5
 """Pixels of the minor semi-axis: below, the grey values do not separate size from blur."""

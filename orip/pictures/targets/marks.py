@@ -1,8 +1,28 @@
-"""What was measured in a picture: named marks, and what was rejected."""
+"""What was measured in a picture: named marks, and what was rejected; OpenCV, loaded where it is used."""
 
 from __future__ import annotations
 
+from typing import Any
+
 from msgspec import Struct
+
+from orip.errors import OripError
+
+
+def opencv() -> Any:
+    """Return the module cv2.
+
+    Raises
+    ------
+    OripError
+        If it is not installed.
+    """
+    try:
+        import cv2
+    except ImportError as error:
+        message = "detecting targets needs OpenCV, which is not installed: pip install 'orip[images]'"
+        raise OripError(message) from error
+    return cv2
 
 
 class Mark(Struct, frozen=True):

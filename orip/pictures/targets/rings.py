@@ -38,7 +38,6 @@ def ring_codes(picture: Any, dots: Sequence[Dot]) -> tuple[int, ...]:
     Parameters
     ----------
     picture : array (rows, columns) of uint8
-    dots : sequence of Dot
     """
     rings = [_ring(picture, dot, dots) for dot in dots]
     codes = [ring.parts for ring in rings]

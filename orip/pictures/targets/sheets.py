@@ -12,8 +12,7 @@ from orip.arrays import FloatArray
 from orip.errors import OripError
 from orip.geometry.plane import homography
 from orip.pictures.targets.dots import Dot, as_bytes, find_dots
-from orip.pictures.targets.marks import FoundTargets, Mark, Rejected
-from orip.pictures.targets.neighbours import (
+from orip.pictures.targets.found_boards import (
     affinity,
     consistent,
     eccentricity,
@@ -21,6 +20,7 @@ from orip.pictures.targets.neighbours import (
     spacing_in_plane,
     with_one,
 )
+from orip.pictures.targets.marks import FoundTargets, Mark, Rejected
 from orip.pictures.targets.rings import PART_OF_RING, ring_codes
 
 FEWEST_CODED = 2
@@ -61,7 +61,6 @@ def sheet_of(names: Sequence[str], xyz: FloatArray, codes: Mapping[str, int], ra
 
     Parameters
     ----------
-    names : sequence of str
     xyz : array (n, 3)
     codes : mapping of name to int
     radius : float, optional
@@ -88,7 +87,6 @@ def find_sheet(grey: Any, sheet: Sheet) -> FoundTargets:
     ----------
     grey : array (rows, columns) of uint8 or uint16
         Of colour pictures best one band: lateral colour of the lens moves the edges of each band differently.
-    sheet : Sheet
 
     Returns
     -------

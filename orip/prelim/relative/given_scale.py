@@ -12,7 +12,7 @@ import numpy as np
 from msgspec import Struct
 
 from orip.arrays import BoolArray, FloatArray
-from orip.geometry.essential import TwoPhotos
+from orip.geometry.stereo import TwoPhotos
 from orip.prelim.compiled import kernels
 from orip.prelim.relative.solution import CHOICE, DANISH, SAMPLING, Pairs, PairSolution, log_of_sets, samples_of
 from orip.structs import replace

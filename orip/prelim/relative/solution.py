@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from orip.adjustment.weights import LEAST_WEIGHT
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.geometry.essential import TwoPhotos
+from orip.geometry.stereo import TwoPhotos
 from orip.prelim.compiled import kernels
 from orip.prelim.sampling import subsets
 

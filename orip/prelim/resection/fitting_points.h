@@ -1,4 +1,4 @@
-/* Which points fit their photos, many photos at once; fitting_points.py does the same. */
+/* Which points fit their photos, many photos at once; resection.py does the same. */
 
 #include "photo.h"
 

@@ -46,7 +46,7 @@ typedef struct {
 /* Orientations that are kept of those of triples: CANDIDATES in orip/prelim/resection/start.py. */
 #define MOST_CANDIDATES MOST_ORIENTATIONS
 
-/* _JUDGEMENT in orip/prelim/resection/fitting_points.py */
+/* _JUDGEMENT in orip/prelim/resection/resection.py */
 typedef struct {
     double misfit, angle, shift, sure;
 } PhotoJudgement;

@@ -10,8 +10,7 @@ from msgspec import Struct
 from orip.arrays import FloatArray, IntArray
 from orip.geometry.similarity import Similarity
 from orip.prelim.sampling import median
-from orip.prelim.similarity.adjustment import SimilarityAdjustment, adjust_similarity
-from orip.prelim.similarity.common_points import CommonPoints
+from orip.prelim.similarity.adjustment import CommonPoints, SimilarityAdjustment, adjust_similarity
 from orip.prelim.similarity.joining import Joined, Names, similarity_step
 from orip.prelim.similarity.partial_blocks import steady_deviations, transformed
 from orip.prelim.similarity.start import adjusted_from_all_sides, of_lowest_cost, start_from_triples

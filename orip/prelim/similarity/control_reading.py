@@ -15,8 +15,7 @@ from orip.arrays import FloatArray, IntArray
 from orip.geometry.similarity import Similarity, fit_similarity
 from orip.prelim.sampling import median
 from orip.prelim.similarity.absolute_orientation import KnownPositions, control_of_block
-from orip.prelim.similarity.adjustment import adjust_similarity
-from orip.prelim.similarity.common_points import CommonPoints
+from orip.prelim.similarity.adjustment import CommonPoints, adjust_similarity
 from orip.prelim.similarity.joining import Names
 from orip.prelim.similarity.start import TRIPLES, start_from_triples
 from orip.records.preliminary import ControlReading, PartialBlock

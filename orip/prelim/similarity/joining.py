@@ -25,8 +25,9 @@ from orip.prelim.similarity.adjustment import (
     SimilarityAdjustment,
     adjust_similarity,
     adjustment_of,
+    misfits,
+    room_for_cameras,
 )
-from orip.prelim.similarity.misfits import misfits, room_for_cameras
 from orip.prelim.similarity.partial_blocks import STEADY, CommonPlaces, common_places, in_common, transformed
 from orip.prelim.similarity.start import FITTING, MEDIAN_OF_CHI2, start_from_triples
 from orip.records.preliminary import NotOriented, PartialBlock, SimilarityStep

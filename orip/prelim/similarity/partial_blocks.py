@@ -13,7 +13,7 @@ from orip.geometry.similarity import Similarity
 from orip.prelim.compiled import kernels
 from orip.prelim.rays import in_both
 from orip.prelim.sampling import median, medians
-from orip.prelim.similarity.common_points import LEAST_ERROR, CommonPoints
+from orip.prelim.similarity.adjustment import LEAST_ERROR, CommonPoints
 from orip.prelim.similarity.start import FITTING, MEDIAN_OF_CHI2, most_points
 from orip.records.preliminary import PartialBlock
 from orip.structs import replace

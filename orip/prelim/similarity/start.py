@@ -13,8 +13,7 @@ from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.geometry.similarity import UNKNOWNS, Similarities, Similarity, similarity_with_partials
 from orip.prelim.compiled import LARGEST_TURN, kernels
 from orip.prelim.sampling import subsets
-from orip.prelim.similarity.adjustment import SimilarityAdjustment, adjust_similarity
-from orip.prelim.similarity.common_points import LEAST_ERROR, CommonPoints
+from orip.prelim.similarity.adjustment import LEAST_ERROR, CommonPoints, SimilarityAdjustment, adjust_similarity
 
 TRIPLES = 40, 500
 """Numbers of triples: tried first, and tried if none of those fits; the second is all triples of up to 15 points. With

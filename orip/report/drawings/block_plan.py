@@ -16,8 +16,7 @@ from orip.records.names import places_of_names
 from orip.records.results.solution import Solution
 from orip.report.drawings.block_view import BlockSide, doubted_photos, frame_rays, side_of_block, vertical
 from orip.report.drawings.ellipses import drawn_points, standard_ellipses
-from orip.report.drawings.labels import MapPlane, labels, map_plane
-from orip.report.drawings.svg import drawing, element, number, numbers, round_step, text
+from orip.report.drawings.svg import MapPlane, drawing, element, labels, map_plane, number, numbers, round_step, text
 from orip.report.report_input import ReportInput, camera_of_photo, photo_scale
 from orip.wording import joined
 

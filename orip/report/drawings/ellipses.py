@@ -13,8 +13,18 @@ from msgspec import Struct
 from orip.arrays import FloatArray, IntArray
 from orip.records.coded_names import coded
 from orip.records.results.solution import Estimates, Solution
-from orip.report.drawings.labels import WIDTH, MapPlane, labels, labels_of, map_plane
-from orip.report.drawings.svg import drawing, number, numbers, round_step, text
+from orip.report.drawings.svg import (
+    WIDTH,
+    MapPlane,
+    drawing,
+    labels,
+    labels_of,
+    map_plane,
+    number,
+    numbers,
+    round_step,
+    text,
+)
 
 MOST_ELLIPSES = 600
 _MOST_LABELS = 60

@@ -14,7 +14,7 @@ from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.errors import Complaint
-from orip.stations.gnss.calendar import moment, seconds_of_date
+from orip.stations.gnss.raw_files import moment, seconds_of_date
 from orip.stations.gnss.receiver_data import unpacked
 
 PRECISE = (".sp3", ".eph", ".clk")

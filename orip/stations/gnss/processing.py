@@ -13,18 +13,20 @@ from orip.errors import Complaint, InputError, ProjectWarning
 from orip.files.text.shown import shown_token
 from orip.geometry.ground_ellipsoid import geographic_from_geocentric, place_axes
 from orip.progress import stage
-from orip.stations.gnss.calendar import moment
 from orip.stations.gnss.given_files import Antex, PreciseFile, is_precise, read_antex, read_precise
+from orip.stations.gnss.raw_files import moment
 from orip.stations.gnss.receiver_data import ReceiverFile, read_receiver_file
 from orip.stations.gnss.rtklib import Settings, Way, engine, run_rtklib
-from orip.stations.gnss.satellites import SatelliteUse, satellites_used, unlike_the_others
 from orip.stations.gnss.solution import (
     Joined,
+    SatelliteUse,
     Stretch,
     doubted_stretches,
     forward_alone,
     join_directions,
     parse_solution,
+    satellites_used,
+    unlike_the_others,
 )
 from orip.stations.interpolation import WGS84
 from orip.structs import replace

@@ -1,4 +1,4 @@
-"""Logs of receivers that are no RINEX: u-blox (UBX) and RTCM 3, taken to RINEX by RTKLIB's converter, convbin."""
+"""Logs of receivers that are no RINEX (UBX, RTCM 3), taken to RINEX by RTKLIB's converter; dates of GPS time."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import shutil
 import struct
 import subprocess
 import tempfile
-from datetime import timedelta
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Literal
 
@@ -17,7 +17,24 @@ from orip.arrays import FloatArray
 from orip.errors import Complaint
 from orip.files.text.shown import shown_token
 from orip.records.epochs import GPS_START, leap_seconds, seconds_of_week_time
-from orip.stations.gnss.calendar import moment
+
+
+def moment(time: float) -> str:
+    """Return a time (seconds since 1980-01-06, GPS time) as ``2005-04-02 00:00:30``."""
+    return str(GPS_START + timedelta(seconds=round(time)))[:19]
+
+
+def seconds_of_date(parts: list[float]) -> float | None:
+    """Return seconds since 1980-01-06 of year, month, day, hour, minute and second; None of what is no date."""
+    year = int(parts[0])
+    year += (1900 if year >= 80 else 2000) if year < 100 else 0
+    month, day, hour, minute = (int(part) for part in parts[1:5])
+    try:
+        begin = datetime(year, month, day, hour, minute)
+    except ValueError:
+        return None
+    return (begin - GPS_START).total_seconds() + parts[5] if parts[5] < 61.0 else None
+
 
 Log = Literal["ubx", "rtcm3"]
 
@@ -117,7 +134,6 @@ def rinex_of_log(data: bytes, log: Log, kind: str, near: float | None, shown: st
 
     Parameters
     ----------
-    data : bytes
     log : {"ubx", "rtcm3"}
     kind : {"O", "N"}
     near : float or None

@@ -20,8 +20,7 @@ from orip.files.text.lines import read_bytes
 from orip.files.text.regular_file import LARGEST_FILE
 from orip.files.text.shown import shown_token
 from orip.records.epochs import GPS_START, leap_seconds
-from orip.stations.gnss.calendar import moment, seconds_of_date
-from orip.stations.gnss.raw_files import LOOKED_AT, log_of, rinex_of_log, time_marks
+from orip.stations.gnss.raw_files import LOOKED_AT, log_of, moment, rinex_of_log, seconds_of_date, time_marks
 
 _GZIP = b"\x1f\x8b"
 _COMPRESSED = ((b"\x1f\x9d", "compressed by compress (.Z)"), (b"PK\x03\x04", "a ZIP archive"))
@@ -97,8 +96,6 @@ def read_receiver_file(
 
     Parameters
     ----------
-    path : Path
-    shown : str
     kind : {"O", "N"}
         What is wanted of a log that has observations and orbits.
     near : float, optional

@@ -123,7 +123,6 @@ def run_rtklib(
 
     Parameters
     ----------
-    settings : Settings
     texts : sequence of (str, bytes)
         Endings (``.obs``, ``.nav``, ``.sp3``) and contents of the files: rover, base, orbits.
     program : str

@@ -14,9 +14,8 @@ from msgspec.structs import astuple
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.errors import OripError
-from orip.stations.inertial.alignment import Alignment
+from orip.stations.inertial.alignment import STANDING_DEVIATION, Alignment
 from orip.stations.inertial.samples import Fixes, ImuNoise, Observed
-from orip.stations.inertial.standing import STANDING_DEVIATION
 from orip.structs import replace
 
 _LEVEL_DEVIATION, _COURSE_DEVIATION = np.radians(20.0), np.radians(90.0)

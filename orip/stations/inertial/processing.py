@@ -13,8 +13,7 @@ from orip.geometry.ground_ellipsoid import geocentric_from_geographic, place_axe
 from orip.records.epochs import SECONDS_PER_WEEK, Epochs
 from orip.stations.inertial.dense import Dense, ImuResult, LocalFrame
 from orip.stations.inertial.files import TIME_SYSTEMS, ImuForm, read_imu
-from orip.stations.inertial.findings import Named, findings, fix_statistics
-from orip.stations.inertial.mistaken_axes import mistaken
+from orip.stations.inertial.findings import Named, findings, fix_statistics, mistaken
 from orip.stations.inertial.samples import Fixes, ImuNoise, ImuSamples, LocalGravity, Observed
 from orip.stations.inertial.smoother import filter_as, smooth
 from orip.stations.interpolation import WGS84

@@ -12,7 +12,7 @@ from orip.workflow.adjust.gates import check_solution, project_gates
 from orip.workflow.adjust.solve import ADJUSTED_FROM
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.state import Part
-from orip.workflow.steps import solve_step
+from orip.workflow.status import solve_step
 
 CHECKED: tuple[Part, ...] = (*ADJUSTED_FROM, "heads", "solutions")
 """What `check` needs of the stores."""

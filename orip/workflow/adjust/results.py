@@ -13,7 +13,6 @@ import numpy as np
 from msgspec import Struct
 
 from orip.bundle.methods import Method
-from orip.bundle.results.angles import AngleSystem, AngleUnit, with_angles
 from orip.bundle.results.covariance import (
     Figures,
     camera_figures,
@@ -22,6 +21,7 @@ from orip.bundle.results.covariance import (
     photo_figures,
     point_figures,
 )
+from orip.bundle.results.figures import AngleSystem, AngleUnit, with_angles
 from orip.bundle.results.reliability import reliability_of
 from orip.bundle.snooping.search import SnoopingSettings
 from orip.bundle.solve import SolvedBlock

@@ -31,7 +31,7 @@ from orip.workflow.project.outputs import EditedText
 from orip.workflow.project.run_id import digest_of_observations, digest_of_records
 from orip.workflow.project.state import ProjectState
 from orip.workflow.project.texts import EDITS_FILE, MeasurementLog, raise_complaints
-from orip.workflow.steps import measurement_inputs
+from orip.workflow.status import measurement_inputs
 
 EDITED_FROM = MEASURED_ON_TOP
 """What an edit needs of the stores."""

@@ -24,7 +24,7 @@ from orip.workflow.project.outputs import interior_output
 from orip.workflow.project.run_id import run_id
 from orip.workflow.project.state import Part, ProjectState, ReplayRecord, StoredParts
 from orip.workflow.project.texts import Digests, MeasurementLog, raise_complaints, read_log
-from orip.workflow.steps import measurement_inputs
+from orip.workflow.status import measurement_inputs
 
 MEASURED_FROM: tuple[Part, ...] = ("definitions", "replay")
 """What a replay of the whole log needs of the stores."""
@@ -75,7 +75,6 @@ def measure_on_top(state: ProjectState, files: Sequence[Path]) -> Change[Measure
     ----------
     state : ProjectState
         With `MEASURED_ON_TOP`.
-    files : sequence of Path
 
     Raises
     ------

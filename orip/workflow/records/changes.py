@@ -8,9 +8,8 @@ from typing import Any, Literal, NamedTuple, get_args
 
 from msgspec import Struct
 
-from orip.files.project.record_values import TomlTable
 from orip.files.project.tables import keys_of, table_of
-from orip.files.project.toml_text import toml_value
+from orip.files.project.toml_text import TomlTable, toml_value
 from orip.records.definition import RECORD_TYPES
 from orip.records.fields import GROUND_UNIT, units_of
 from orip.records.names import record_key

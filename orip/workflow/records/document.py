@@ -11,8 +11,8 @@ from msgspec import Struct
 
 from orip.errors import Complaint, InputError, ProjectWarning
 from orip.files.project.reader import parse_project
-from orip.files.project.record_values import TomlTable
 from orip.files.project.records import project_document, project_text
+from orip.files.project.toml_text import TomlTable
 from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
 from orip.records.camera import Camera
 from orip.records.definition import ProjectDefinition

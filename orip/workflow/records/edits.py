@@ -9,8 +9,7 @@ from typing import Any
 from msgspec import Struct
 
 from orip.errors import InputError, UsageError
-from orip.files.project.record_values import TomlTable
-from orip.files.project.toml_text import with_assignments
+from orip.files.project.toml_text import TomlTable, with_assignments
 from orip.files.text.shown import shown_token
 from orip.records.camera import RADIAL_PARAMETERS
 from orip.records.names import name_fault, record_key

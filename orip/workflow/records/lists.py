@@ -10,7 +10,7 @@ from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.errors import ProjectWarning, UsageError
-from orip.files.project.record_values import TomlTable
+from orip.files.project.toml_text import TomlTable
 from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
 from orip.files.stores.digest import record_digest
 from orip.files.text.shown import visible

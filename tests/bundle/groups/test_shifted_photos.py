@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from support.synthetic_block import synthetic_block
 
-from orip.bundle.groups.shifted_photos import shift_tests
-from orip.mistakes.marks.shifted_points import SHIFTED_POINTS
+from orip.mistakes.marks.shifted_points import SHIFTED_POINTS, shift_tests
 from orip.records.block import Block
 from orip.records.camera import Mark
 from orip.solving.solve import solve

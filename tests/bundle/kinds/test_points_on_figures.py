@@ -9,8 +9,8 @@ import pytest
 from bundle.figure_blocks import EVERY, FIGURE_ERROR, cylinder, figure_block, level, line, plane
 from bundle.solving import OFF, redefined, rows, singular, solution, solved
 
-from orip.bundle.figures import left_out_figures, with_determined_figures
 from orip.bundle.kinds import figure as kind_of_figures
+from orip.bundle.starting_state import left_out_figures, with_determined_figures
 from orip.files.result.json_text import result_text
 from orip.records.control import FigurePoint
 from orip.report.precision import figure_table

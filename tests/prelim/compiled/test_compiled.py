@@ -12,13 +12,11 @@ from compiled_cases import BLUNDERS, common_pairs, common_points, scene, synthet
 
 from orip.geometry.similarity import Similarity
 from orip.prelim import compiled
-from orip.prelim.intersection import intersect
-from orip.prelim.rays import ImageRays
+from orip.prelim.rays import ImageRays, intersect
 from orip.prelim.relative.orientation import orient_pair
 from orip.prelim.relative.solution import Pairs, PairSolution, solve
 from orip.prelim.resection.resection import Resected, resect
-from orip.prelim.similarity.adjustment import ALL_UNKNOWNS, NO_ROTATION, adjust_similarity
-from orip.prelim.similarity.common_points import CommonPoints
+from orip.prelim.similarity.adjustment import ALL_UNKNOWNS, NO_ROTATION, CommonPoints, adjust_similarity
 from orip.prelim.similarity.start import start_from_triples
 from orip.records.preliminary import RelativeOrientation
 

@@ -16,18 +16,17 @@ from msgspec.structs import astuple
 from partial_block_samples import pair
 from scipy.spatial.transform import Rotation
 
-from orip.geometry.essential import TwoPhotos
 from orip.geometry.similarity import Similarity
+from orip.geometry.stereo import TwoPhotos
 from orip.prelim.compiled import is_compiled, kernels
 from orip.prelim.growing_block import GrowingBlock, residual_lengths
-from orip.prelim.intersection import intersect, with_consensus
+from orip.prelim.rays import intersect, with_consensus
 from orip.prelim.refinement import no_corrections, refine
 from orip.prelim.relative.given_scale import adjusted_at_scale, at_scale
 from orip.prelim.relative.orientation import common_point_counts
 from orip.prelim.relative.solution import solve
-from orip.prelim.resection.fitting_points import SeenPoints, fitting_points
 from orip.prelim.resection.known_points import KnownPoints
-from orip.prelim.resection.resection import Resected, resect
+from orip.prelim.resection.resection import Resected, SeenPoints, fitting_points, resect
 from orip.prelim.resection.start import best_orientations, starting_orientations
 from orip.prelim.similarity.adjustment import adjust_similarity
 from orip.prelim.similarity.joining import Joined, join

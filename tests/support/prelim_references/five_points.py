@@ -7,7 +7,7 @@ from itertools import combinations_with_replacement, product
 import numpy as np
 
 from orip.arrays import FloatArray
-from orip.geometry.essential import TwoPhotos
+from orip.geometry.stereo import TwoPhotos
 
 _NEARLY_REAL = 0.1
 """Largest relative imaginary part of a solution whose real part is used: measuring errors turn two solutions that are

@@ -13,7 +13,7 @@ from orip.adjustment.weights import LIMIT_OF_TWO_COMPONENTS, danish_weights
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.geometry.rays import PhotoRays, where_most_rays_meet
 from orip.prelim.growing_block import GrowingBlock
-from orip.prelim.intersection import (
+from orip.prelim.rays import (
     ABSOLUTE_ITERATIONS,
     DANISH_ITERATIONS,
     KEPT,
@@ -21,9 +21,9 @@ from orip.prelim.intersection import (
     MANY,
     QUANTILE,
     SMALLEST_ANGLE,
+    ImageRays,
     Intersected,
 )
-from orip.prelim.rays import ImageRays
 
 
 def _with_consensus(
@@ -64,7 +64,7 @@ def robust_intersection(rays: OrientedRays) -> tuple[FloatArray, FloatArray, Flo
     weight_factors : array (m,)
     angles : array (points,)
     s0 : float
-        As in `orip.prelim.intersection.Intersected`.
+        As in `orip.prelim.rays.Intersected`.
     """
     ones = np.ones(len(rays.point))
     # the first position gives the distances that turn lengths into angles

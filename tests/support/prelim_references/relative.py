@@ -12,7 +12,6 @@ from support.prelim_references.iterations import GaussNewton, enlarged_diagonal,
 
 from orip.adjustment.weights import danish_weights
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.geometry.essential import TwoPhotos
 from orip.geometry.perspective import perspective_with_partials
 from orip.geometry.rotation import (
     angle_rates_from_axes_rotation,
@@ -20,6 +19,7 @@ from orip.geometry.rotation import (
     cross_matrix,
     rotation_about_axes,
 )
+from orip.geometry.stereo import TwoPhotos
 from orip.prelim.rays import ImageRays
 from orip.prelim.relative import given_scale
 from orip.prelim.relative.given_scale import PairAtScale

@@ -27,9 +27,9 @@ from orip.prelim.similarity.adjustment import (
     _STEADY,
     _STEADY_WEIGHTS,
     _STEPS,
+    CommonPoints,
     SimilarityAdjustment,
 )
-from orip.prelim.similarity.common_points import CommonPoints
 from orip.prelim.similarity.partial_blocks import CommonPlaces, InCommon, steady_deviations
 from orip.prelim.similarity.start import _Best, _compared, truncated_costs
 from orip.records.preliminary import PartialBlock
