@@ -35,7 +35,7 @@ LINK = re.compile(r"\]\(([^)#\s:]+)(?:#[^)]*)?\)")
 
 
 class Row(Struct, frozen=True):
-    """A figure, and what it may be."""
+    """A figure, and what it may be; empty: it is only told."""
 
     what: str
     found: object
@@ -172,7 +172,7 @@ def ways() -> Iterator[Row]:
             raise ValueError(message)
         names = " > ".join(one.removeprefix("orip.") for one in run)
         yield Row(f"files opened to find: {what}", f"{len(read)} ({' > '.join(read)})", str(most))
-        yield Row(f"modules from a command to: {what}", f"{len(run)} ({names})", "no limit")
+        yield Row(f"modules from a command to: {what}", f"{len(run)} ({names})", "")
 
 
 def main() -> None:
@@ -180,7 +180,7 @@ def main() -> None:
     rows = [*counts(), *ways()]
     width = max(len(row.what) for row in rows)
     for row in rows:
-        print(f"{row.what:{width}}  {row.found}  (may be {row.may_be})")
+        print(f"{row.what:{width}}  {row.found}" + (f"  (at most {row.may_be})" if row.may_be else ""))
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ coordinates are longitude and latitude (radians, from the system's own prime mer
 
 from __future__ import annotations
 
+import re
 import textwrap
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 _SAME_UNIT = 1e-9
 """Relative difference of two units that are the same; foot and US survey foot differ by 2e-6."""
 
+_A_CODE = 'give the code of a projected system, such as "EPSG:25832", with heights "EPSG:25832+7837"'
 _LONGEST_AREA = 60
 """Characters of a name of an area: PROJ lists all states in it."""
 
@@ -221,10 +223,11 @@ def known_crs(crs: str) -> pyproj.CRS:
     try:
         return CRS.from_user_input(crs)
     except CRSError as error:
-        message = (
-            f'crs "{crs}" is not known to PROJ ({error}); give the code of a projected system, such as "EPSG:25832", '
-            'with heights "EPSG:25832+7837"'
-        )
+        code = re.search(r"[1-9]\d{3,5}", crs)
+        meant = f'did you mean "EPSG:{code[0]}"?' if code and not crs.upper().startswith("EPSG:") else ""
+        unknown = re.search(r"crs not found: \w+:\w+", str(error))
+        reason = f" ({unknown[0]})" if unknown else ""
+        message = f'crs "{crs}" is not known to PROJ{reason}; {meant or _A_CODE}'
         raise InputError.single(message) from error
 
 

@@ -143,6 +143,7 @@ FAULTS: dict[Parser, list[tuple[str, str, str]]] = {
         ("P 1 2 3 1 1", "Z:1:13: ", "a field is missing, 6 found; the line is: name X Y Z aX aY aZ"),
         ("P,1,2,3,1,1,1", "Z:1:15: ", "1 found; separate fields by blanks or tabs, not by ','; the line is"),
         ("P;1 2 3 1 1 1", "Z:1:15: ", "6 found; separate fields by blanks or tabs, not by ';'; the line is"),
+        ("% surveyed 1987", "Z:1:17: ", "a field is missing, 3 found; begin a remark with !; the line is: name X Y Z"),
         ("name X Y Z aX aY aZ", "Z:1: ", "this line has no numbers; begin a heading with !"),
         ("P 1e31 2 3 1 1 1", "Z:1:3: ", "'1e31' is too large for a number"),
         ("P 1 2 3 1 1 1 x y", "Z:1:19: ", "a field is missing"),

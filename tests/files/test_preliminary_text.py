@@ -65,6 +65,7 @@ def test_what_could_not_be_read_is_not_written(point: PreliminaryPoint) -> None:
     ("text", "place", "words"),
     [
         ("1 2 3", "M:1:7: ", "a field is missing"),
+        ("name X Y Z", "M:1: ", "this line has no numbers; begin a heading with ! or remove it"),
         ("1 2 3 4 5", "M:1:11: ", "a field is missing, 5 found"),
         ("1 2 3 4 5 6 7 8", "M:1:15: ", "too many"),
         ("1 2 3 4 5 -6 7", "M:1:11: ", "standard deviation -6 is negative"),

@@ -304,7 +304,8 @@ def test_heights_that_nothing_leads_from_are_refused() -> None:
         ("EPSG:4326+5773", "m", "is not a projected system"),
         ("+proj=topocentric +lat_0=50 +lon_0=9", "m", "is not a projected system"),
         ("EPSG:99999", "m", "crs not found: EPSG:99999"),
-        ("Gauss-Boaga on Sundays", "m", "is not known to PROJ"),
+        ("Gauss-Boaga on Sundays", "m", "is not known to PROJ; give the code of a projected system"),
+        ("EPSG 25832", "m", "is not known to PROJ; did you mean "),
     ],
 )
 def test_a_system_that_does_not_fit_is_refused(crs: str, unit: str, words: str) -> None:

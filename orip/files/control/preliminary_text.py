@@ -69,7 +69,8 @@ def _plain_point(line: str, number: int) -> PreliminaryPoint | None:
 
 
 def _read_point(reader: FieldReader) -> PreliminaryPoint | None:
-    if not reader.has_fields((4, 7), "name X Y Z, and sX sY sZ if they are known"):
+    form = "name X Y Z, and sX sY sZ if they are known"
+    if not reader.has_fields((4, 7), form) or reader.is_heading((1, 2, 3)):
         return None
     name = reader.name(0)
     coordinates = (reader.decimal(1), reader.decimal(2), reader.decimal(3))

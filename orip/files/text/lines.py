@@ -33,6 +33,9 @@ _NO_TEXTS = (
     (b"\x1f\x8b", "compressed (gzip)", "unpack it"),
 )
 """How files begin that are given in the place of a text, what they are, and what helps."""
+_REMARK = re.compile(r"%|//|;|\*|--|==|__|~")
+"""How lines begin that are remarks or rules in other programs."""
+
 _SPREADSHEET_LINE = len("sep=;")
 _WEB_PAGE = re.compile(rb"\s*<(?:!doctype html|html)\b", re.IGNORECASE)
 _LINE_END = re.compile(r"\r+\n|\r")
@@ -297,7 +300,8 @@ class FieldReader:
             message = f"'{self.shown_text(extra)}' is one field too many; the line is: {form}"
             self.complain(message, extra)
         else:
-            message = f"a field is missing, {self.count} found{self.part_by_blanks()}; the line is: {form}"
+            remark = "; begin a remark with !" if _REMARK.match(self.text(0)) else self.part_by_blanks()
+            message = f"a field is missing, {self.count} found{remark}; the line is: {form}"
             self.complaints.append(Complaint(message, self._shown, self.number, self._line.end_column))
         return False
 
