@@ -29,9 +29,6 @@ FENCED = re.compile(r"^```.*?^```$", re.MULTILINE | re.DOTALL)
 LINE = re.compile(r"^(?:\$ |- run: |<!-- \$ )?(orip (?!is |\d).*?)(?: -->)?$")
 """A command that is a line of its own in a block."""
 
-UNBUILT = {"import", "export"} - commands().keys()
-"""Commands that README.md says are not there yet."""
-
 PLACEHOLDER = re.compile(r"[A-Z]+|\.\.\.|…|--help|-h")
 
 
@@ -62,7 +59,7 @@ def fault_of(words: list[str]) -> str | None:
     while rest and (not group or is_group(found[group])) and not PLACEHOLDER.fullmatch(rest[0]):
         name = f"{group} {rest[0]}".strip()
         if name not in found:
-            return None if rest[0].startswith("-") or name in UNBUILT else f"there is no command 'orip {name}'"
+            return None if rest[0].startswith("-") else f"there is no command 'orip {name}'"
         group, rest = name, rest[1:]
     return fault_of_arguments(group, rest) if group else None
 

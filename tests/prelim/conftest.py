@@ -7,7 +7,7 @@ from support.prelim_references import intersection as intersections
 from support.prelim_references import relative, resection, similarity
 
 from orip.prelim import growing_block, rays
-from orip.prelim.relative import given_scale, orientation, solution
+from orip.prelim.relative import given_scale, solution
 from orip.prelim.resection import resection as photo
 from orip.prelim.resection import start
 from orip.prelim.similarity import adjustment, joining, partial_blocks
@@ -22,7 +22,6 @@ REFERENCES = (
     (rays, "_intersected", intersections._intersected),
     (rays, "_with_consensus", intersections._with_consensus),
     (joining, "_found", lambda source, target, names: joining._Joint(source, target, names).found()),
-    (orientation, "_counts", relative._counts),
     (partial_blocks, "_assembled", similarity._assembled),
     (partial_blocks, "_places", similarity._places),
     (photo, "_solution_at_once", lambda _given: None),

@@ -249,7 +249,7 @@ def left_out(seconds: list[float], around: float = 1e9) -> tuple[np.ndarray, np.
 
 
 def test_ten_seconds_of_a_walk_that_were_left_out():
-    error, inside = left_out([50.0], around=30.0)
+    error, inside = left_out([50.0], around=20.0)
     assert len(error) >= 38
     assert np.sqrt(np.mean(np.sum(error**2, axis=1))) < 0.25
     assert inside.mean() >= 0.9

@@ -27,13 +27,17 @@ typedef struct {
     Pattern pattern;
     int64_t points;
     int32_t *numbers;
-    double *room;
+    double *room, *rooms;
+    int room_count; /* of `rooms`, the one in use is `room`; the panels come after them */
     void *memory;
     Turns *turns;
     const Loops *loops;
 } Call;
 
 #define LINE_OF_CACHE 64
+
+/* Numbers that all rooms of a thread have together, unless one alone has more: 16 MB. */
+#define NUMBERS_OF_ROOMS (INT64_C(1) << 21)
 
 /* What is done with a share. */
 typedef void (*Step)(const Call *c, int64_t share, const void *arrays);
@@ -83,14 +87,16 @@ static int take_pattern(Call *call, int64_t size)
         || !are_all_within(a, CAMERA_PLACES, INT32_MIN, size) || !has(a, PHOTO_PLACES, b->photo_unknowns * b->photo_count)
         || !are_all_within(a, PHOTO_PLACES, INT32_MIN, size))
         return 0;
-    const size_t room = (size_t)(p->room + numbers_of_panels(p));
+    const int64_t rooms = NUMBERS_OF_ROOMS / (p->room + 1);
+    call->room_count = rooms < 1 ? 1 : rooms < MOST_ROOMS ? (int)rooms : MOST_ROOMS;
+    const size_t room = (size_t)(call->room_count * p->room + numbers_of_panels(p));
     call->numbers = PyMem_Malloc((ARRAYS_OF_LOCAL + 3) * sizeof(int32_t) * (size_t)(p->longest + 1));
     call->memory = PyMem_Malloc(sizeof(double) * room + LINE_OF_CACHE);
     if (!call->numbers || !call->memory) {
         PyErr_NoMemory();
         return 0;
     }
-    call->room = line_from(call->memory);
+    call->room = call->rooms = line_from(call->memory);
 #ifdef ORIP_ROOM_OF_NANS /* for tests: what is read before it is written shows in the results */
     for (size_t k = 0; k < room; k++)
         call->room[k] = NAN;
@@ -149,20 +155,33 @@ static Share groups_of(const Call *c, int64_t share)
     return (Share){c->pattern.share_start[share], c->pattern.share_start[share + 1]};
 }
 
+/* Add the sums of the shares that wait while it is their turn; when more wait than may, wait for their turns. */
+static void add_sums(Call *c, Waiting *w, int may_wait, Step add, const void *arrays)
+{
+    while (w->count && is_turn(c->turns, w->share[w->first], w->count > may_wait)) {
+        c->room = c->rooms + w->first * c->pattern.room;
+        add(c, w->share[w->first], arrays);
+        end_turn(c->turns, w->share[w->first]);
+        w->first = --w->count ? (w->first + 1) % c->room_count : 0;
+    }
+}
+
 /* Work together with the other threads; `add`, or NULL: what is done in the order of the shares. */
 static PyObject *work(Call *c, int64_t shares, Step step, Step add, const void *arrays)
 {
+    Waiting w = {.count = 0};
     if (!enter(c->turns))
         return refuse(c);
     Py_BEGIN_ALLOW_THREADS
     for (int64_t share = next_share(c->turns); share < shares; share = next_share(c->turns)) {
-        step(c, share, arrays);
         if (add) {
-            wait_for_turn(c->turns, share);
-            add(c, share, arrays);
-            end_turn(c->turns, share);
+            const int room = (w.first + w.count++) % c->room_count;
+            w.share[room] = share, c->room = c->rooms + room * c->pattern.room;
         }
+        step(c, share, arrays);
+        add_sums(c, &w, c->room_count - 1, add, arrays);
     }
+    add_sums(c, &w, 0, add, arrays);
     leave(c->turns, add ? shares : 0);
     Py_END_ALLOW_THREADS
     finish(c);
@@ -215,7 +234,8 @@ static PyObject *points(PyObject *Py_UNUSED(module), PyObject *const *arguments,
 
 static void form_normals(const Call *c, int64_t share, const void *arrays)
 {
-    c->loops->normals(&c->block, &c->pattern, groups_of(c, share), arrays, c->numbers, c->room, c->room + c->pattern.room);
+    c->loops->normals(&c->block, &c->pattern, groups_of(c, share), arrays, c->numbers, c->room,
+                      c->rooms + c->room_count * c->pattern.room);
 }
 
 /* What most loops do with a share of the points. */

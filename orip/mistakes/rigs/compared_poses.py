@@ -52,6 +52,8 @@ def poses_off(said: dict[int, Pose], found: FoundPoses) -> dict[int, tuple[Float
     left, off = list(said), list[int]()
     while len(left) > 1:
         square = _compared(said, found, left).square
+        if square <= _LIMIT:
+            break
         tested = left if len(left) > 2 else left[1:]
         falls = [square - _compared(said, found, [row for row in left if row != one]).square for one in tested]
         if max(falls) <= _LIMIT:

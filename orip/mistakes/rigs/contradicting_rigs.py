@@ -66,7 +66,7 @@ mounting is that of the exchanged ones."""
 _OF_A_LENS = ("C", "DX", "DY", "A3")
 
 _BY_CHANCE = float(np.log(1e-4))
-"""Logarithm of the probability below which photos on their own fit better than chance has it."""
+"""Logarithm of the probability below which a square sum is larger than chance makes it."""
 
 _NOT_GIVEN = 10.0
 """Error of an offset that is not given, in the largest one; of a rotation 1 radian."""
@@ -245,9 +245,10 @@ def _read_otherwise(
     said: dict[int, Pose], found: FoundPoses, names: dict[int, str], rig: str
 ) -> Iterator[ProjectWarning]:
     """Yield as what the mountings of a rig were probably meant, if they are off and not so."""
-    off, size = poses_off(said, found), square_sum(said, found)
-    if size < _LEAST_FALL:
+    size = square_sum(said, found)
+    if chi_square_tail(size, 6.0 * (len(said) - 1)) > _BY_CHANCE:
         return
+    off = poses_off(said, found)
     readings = [
         (square_sum(meant.poses, found) / size, meant) for meant in other_mountings(said, list(off), names, rig)
     ]

@@ -9,7 +9,6 @@
 
 #include "../intersection/intersection.h"
 #include "../refinement/robust_iterations.h"
-#include "../relative/common_counts.h"
 #include "../relative/pair_loops.h"
 #include "../resection/resection_loops.h"
 #include "../similarity/adjustment.h"
@@ -223,20 +222,6 @@ static PyObject *py_residual_lengths(PyObject *Py_UNUSED(module), PyObject *cons
     if (!together)
         return NULL;
     residual_lengths(&rays, a.views[POINTS].buf, together, a.views[LENGTHS].buf);
-    return done(&a);
-}
-
-static PyObject *py_common_points(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
-{
-    enum { PHOTO_OF, POINT_OF, COUNTS };
-    Arguments a;
-    if (!take_arguments(&a, arguments, given, "ll" "L", 0))
-        return NULL;
-    const int64_t points = length_of(&a, POINT_OF) - 1, photos = (int64_t)sqrt((double)length_of(&a, COUNTS));
-    if (points < 0 || !has(&a, COUNTS, photos * photos) || !are_rows(&a, PHOTO_OF, photos)
-        || !are_starts64(a.views[POINT_OF].buf, points, length_of(&a, PHOTO_OF)))
-        return refused(&a);
-    count_common(a.views[PHOTO_OF].buf, a.views[POINT_OF].buf, points, photos, a.views[COUNTS].buf);
     return done(&a);
 }
 
@@ -505,7 +490,6 @@ static PyMethodDef methods[] = {
     METHOD(intersect, "Positions of points, wrong rays down-weighted."),
     METHOD(consensus, "Positions of points where most of their rays meet."),
     METHOD(residual_lengths, "Lengths of the residuals of rays."),
-    METHOD(common_points, "How many points each two photos share."),
     METHOD(rank_triples, "The orientations of triples that fit all points best."),
     METHOD(best_orientations, "Orientations improved, and the likeliest adjusted."),
     METHOD(resect, "The orientation of a photo by known points."),

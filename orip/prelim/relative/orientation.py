@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from orip.adjustment.precision import residual_cofactor
 from orip.arrays import FloatArray, IntArray
 from orip.geometry.rotation import cross_matrix
-from orip.prelim.compiled import kernels
 from orip.prelim.rays import ImageRays, PhotoIndex, photo_index
 from orip.prelim.relative.solution import POINTS_NEEDED, Pairs, PairSolution, parallaxes, solve
 from orip.records.preliminary import NotOriented, PartialBlock, RelativeOrientation
@@ -29,13 +28,11 @@ class Pair(NamedTuple):
 
 def common_point_counts(rays: ImageRays) -> IntArray:
     """Return the number of points that each two photos share, array (photos, photos); the diagonal has their own."""
-    return _counts(rays)
+    from scipy.sparse import csr_array
 
-
-def _counts(rays: ImageRays) -> IntArray:
-    counts = np.empty((len(rays.photos), len(rays.photos)), dtype=np.int64)
-    kernels.common_points(np.ascontiguousarray(rays.photo[rays.order_by_point()]), rays.point_starts(), counts)
-    return counts
+    photo, starts = rays.photo[rays.order_by_point()].astype(np.int32), rays.point_starts().astype(np.int32)
+    shown = csr_array((np.ones(len(photo), dtype=np.int64), photo, starts), shape=(len(starts) - 1, len(rays.photos)))
+    return np.asarray((shown.T.tocsr() @ shown).toarray())
 
 
 def pairs_by_common_points(counts: IntArray, fewest: int) -> list[Pair]:

@@ -23,7 +23,6 @@ from orip.prelim.growing_block import GrowingBlock, residual_lengths
 from orip.prelim.rays import intersect, with_consensus
 from orip.prelim.refinement import no_corrections, refine
 from orip.prelim.relative.given_scale import adjusted_at_scale, at_scale
-from orip.prelim.relative.orientation import common_point_counts
 from orip.prelim.relative.solution import solve
 from orip.prelim.resection.known_points import KnownPoints
 from orip.prelim.resection.resection import Resected, SeenPoints, fitting_points, resect
@@ -174,7 +173,6 @@ CASES: dict[str, Callable[[], object]] = {
     "best_orientations": chosen_orientations,
     "best_triple": lambda: start_from_triples(common_points(25)[0]),
     "common_places": joined_blocks,
-    "common_points": lambda: common_point_counts(scene()[0]),
     "consensus": placed_by_consensus,
     "fitting_points": fitted_photos,
     "intersect": intersected,

@@ -20,7 +20,6 @@ from orip.geometry.rotation import (
     rotation_about_axes,
 )
 from orip.geometry.stereo import TwoPhotos
-from orip.prelim.rays import ImageRays
 from orip.prelim.relative import given_scale
 from orip.prelim.relative.given_scale import PairAtScale
 from orip.prelim.relative.solution import (
@@ -606,11 +605,3 @@ def _beyond_chance(residuals: FloatArray, pairs: Pairs, scale: float) -> bool:
     sets = log_of_sets(len(residuals))[fitting - POINTS_NEEDED - 1]
     chance = np.log(min(largest * chance_of_unit(pairs), 1.0))
     return bool(sets + (fitting - POINTS_NEEDED) * chance < -given_scale._SURE)
-
-
-def _counts(rays: ImageRays) -> IntArray:
-    from scipy.sparse import csr_array
-
-    shape = (len(rays.photos), len(rays.points))
-    seen = csr_array((np.ones(len(rays.photo), dtype=np.int64), (rays.photo, rays.point)), shape=shape)
-    return np.asarray((seen @ seen.T).todense(), dtype=np.int64)
