@@ -264,6 +264,8 @@ def is_named(verdict: str, planted: Error) -> bool:
 
 def _is_explained(found: Solution, planted: Error) -> bool:
     """Tell whether the sentence leads to a warning about the camera that says which value of the parameter fits."""
+    if planted.component in ("DX", "DY") and "the principal point of a camera" in found.verdict:
+        return True
     said = f"{planted.component} = "
     return (
         planted.group == "camera"

@@ -53,30 +53,27 @@ INLINE void find_points_of_strips(const Local *local, int64_t photos, const Poin
     }
 }
 
-/* Columns of a photo whose products are formed together, and vectors of a strip: their sums are in registers. */
-#define PHOTO_COLUMNS (PHOTO_UNKNOWNS % COLUMNS_OF_PANEL ? PHOTO_UNKNOWNS : COLUMNS_OF_PANEL)
-#define PHOTO_VECTORS (PHOTO_COLUMNS > COLUMNS_OF_PANEL ? 1 : STRIP / LANES)
-
-/* Subtract the products of some points of a panel, a bit each, from a part of a strip of some columns; of each column the
- * panel has the strip that it lies in from its own place on. */
-INLINE void subtract_products(const double *strip, const double *const *of_column, int32_t points, double *const *columns)
+/* Subtract the products of some points of a panel, a bit each, from a strip of some columns, from its i-th row on; of each
+ * column the panel has the strip that it lies in from its own place on. */
+INLINE void subtract_products(const double *strip, const double *const *of_column, int32_t points, double *const *columns,
+                              int64_t i)
 {
-    Lanes sums[PHOTO_COLUMNS][PHOTO_VECTORS];
+    Lanes sums[PHOTO_COLUMNS][STRIP / LANES];
     for (int c = 0; c < PHOTO_COLUMNS; c++)
-        for (int k = 0; k < PHOTO_VECTORS; k++)
+        for (int k = 0; k < STRIP / LANES; k++)
             sums[c][k] = ALL(0.0);
     for (; points; points &= points - 1) {
         const int64_t from = 3 * STRIP * first_of(points);
         for (int64_t at = from; at < from + 3 * STRIP; at += STRIP)
             for (int c = 0; c < PHOTO_COLUMNS; c++) {
                 const Lanes of_own = ALL(of_column[c][at]);
-                for (int k = 0; k < PHOTO_VECTORS; k++)
+                for (int k = 0; k < STRIP / LANES; k++)
                     sums[c][k] += of_own * AT(strip + at + k * LANES);
             }
     }
     for (int c = 0; c < PHOTO_COLUMNS; c++)
-        for (int k = 0; k < PHOTO_VECTORS; k++)
-            AT(columns[c] + k * LANES) -= sums[c][k];
+        for (int k = 0; k < STRIP / LANES; k++)
+            AT(columns[c] + i + k * LANES) -= sums[c][k];
 }
 
 /* Eliminate the points of a panel from some columns of a photo, the first of so many columns of photos. */
@@ -94,12 +91,8 @@ INLINE void eliminate_from_photo(const Sums *s, int64_t cameras, int64_t photos,
     }
     for (int64_t i = first / STRIP * STRIP; i < photos; i += STRIP) {
         const int32_t both = seen & panel->of_strip[i / STRIP];
-        for (int64_t part = 0; both && part < STRIP; part += PHOTO_VECTORS * LANES) {
-            double *at[PHOTO_COLUMNS];
-            for (int64_t c = 0; c < PHOTO_COLUMNS; c++)
-                at[c] = columns[c] + i + part;
-            subtract_products(panel->rows + i * PANEL_PRODUCTS + part, of_column, both, at);
-        }
+        if (both)
+            subtract_products(panel->rows + i * PANEL_PRODUCTS, of_column, both, columns, i);
     }
 }
 

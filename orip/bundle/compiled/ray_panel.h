@@ -106,26 +106,26 @@ INLINE void add_row(Rows *rows, const double *numbers, const double *vector, dou
 }
 
 /* Add the products of rows to some columns of the sums, `stride` apart and of so many rows, the first of which is element
- * `first` of them; is_lower: only from the diagonal on, and what is in the same strip. */
+ * `first` of them; is_lower: only from the diagonal on, and what is in the same strip; at_once: columns at a time. */
 INLINE void add_products(const Rows *rows, double *matrix, int64_t stride, int64_t columns, int64_t first, int64_t width,
-                         int is_lower)
+                         int is_lower, int at_once)
 {
-    for (int64_t u = 0; u < columns; u += COLUMNS_OF_PANEL) {
+    for (int64_t u = 0; u < columns; u += at_once) {
         double *column[COLUMNS_OF_PANEL], nowhere[STRIP] = {0.0};
         for (int64_t i = is_lower ? (first + u) / STRIP * STRIP : 0; i < width; i += STRIP) {
             Lanes sums[COLUMNS_OF_PANEL][STRIP / LANES];
-            for (int c = 0; c < COLUMNS_OF_PANEL; c++) {
+            for (int c = 0; c < at_once; c++) {
                 column[c] = u + c < columns ? matrix + (u + c) * stride + i : nowhere;
                 for (int k = 0; k < STRIP / LANES; k++)
                     sums[c][k] = ALL(0.0);
             }
             for (int r = 0; r < rows->count; r++) {
                 const double *numbers = rows->numbers[r] + u, *vector = rows->vector[r] + i;
-                for (int c = 0; c < COLUMNS_OF_PANEL; c++)
+                for (int c = 0; c < at_once; c++)
                     for (int k = 0; k < STRIP / LANES; k++)
                         sums[c][k] += numbers[c] * AT(vector + k * LANES);
             }
-            for (int c = 0; c < COLUMNS_OF_PANEL; c++)
+            for (int c = 0; c < at_once; c++)
                 for (int k = 0; k < STRIP / LANES; k++)
                     AT(column[c] + k * LANES) += sums[c][k];
         }
@@ -149,7 +149,8 @@ INLINE void add_right(const Rows *rows, const Sums *s, int64_t first, int64_t wi
 /* Add rows by the columns of their camera, from the first one on; none is left then. */
 INLINE void add_camera_rows(const RayPanel *panel, const Sums *s, int64_t first, int64_t columns, Rows *rows)
 {
-    add_products(rows, s->by_cameras + first * s->of_cameras, s->of_cameras, columns, first, panel->length, 1);
+    add_products(rows, s->by_cameras + first * s->of_cameras, s->of_cameras, columns, first, panel->length, 1,
+                 COLUMNS_OF_PANEL);
     add_right(rows, s, first, PADDED(columns));
     rows->count = 0;
 }
@@ -190,8 +191,8 @@ INLINE void add_by_photo(const RayPanel *panel, const Local *local, const Sums *
         }
         if (of_photo.count + 2 > MOST_ROWS || ray->before < 0) {
             add_products(&of_cameras, panel->by_photos + own * panel->length, panel->length, PHOTO_UNKNOWNS, 0,
-                         panel->length, 0);
-            add_products(&of_photo, photos_of(s, photo) + own, s->of_photos, PHOTO_UNKNOWNS, 0, PHOTO_ROW, 1);
+                         panel->length, 0, PHOTO_COLUMNS);
+            add_products(&of_photo, photos_of(s, photo) + own, s->of_photos, PHOTO_UNKNOWNS, 0, PHOTO_ROW, 1, PHOTO_COLUMNS);
             add_right(&of_photo, s, photo, PHOTO_ROW);
             of_cameras.count = of_photo.count = 0;
         }

@@ -5,9 +5,10 @@
 
 #include "columns.h"
 
-/* Unknowns of a strip of the sums, and columns of them that are in registers at the same time. */
+/* Unknowns of a strip of the sums, and columns of them that are in registers at the same time, of cameras and of photos. */
 #define STRIP 8
 #define COLUMNS_OF_PANEL 6
+#define PHOTO_COLUMNS (PHOTO_UNKNOWNS % COLUMNS_OF_PANEL ? COLUMNS_OF_PANEL / 2 : COLUMNS_OF_PANEL)
 
 /* Lower triangle of a symmetric matrix of `size` unknowns in the order of their places. Element (i, j) of the first
  * `banded` rows is band[j * stride + i]; a full matrix has stride = size. The rows after them are full, in `border`.
