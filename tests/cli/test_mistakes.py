@@ -226,6 +226,22 @@ def test_nothing_measured(project: Path) -> None:
     refused(orip(project, "run"), 3, "measurement file 'A.MEA' does not exist")
 
 
+@pytest.mark.parametrize(
+    ("crs", "words"),
+    [("EPSG:4326", "is not a projected system"), ("UTM 32N", "not known to PROJ"), ("EPSG:5513", "must grow to the")],
+)
+def test_a_system_that_is_none_is_said_with_its_place_before_a_store_is_made(
+    project: Path, crs: str, words: str
+) -> None:
+    text = project / "orip.toml"
+    text.write_text(text.read_text().replace('name = "FIRST"', f'name = "FIRST", crs = "{crs}"', 1))
+    said = orip(project, "init")
+    assert said.code == 3
+    assert f"error: orip.toml:1: crs {crs}" in said.err.replace('"', ""), said.err
+    assert words in said.err
+    assert not list(project.glob("*.CAM"))
+
+
 def test_a_copy_of_the_measurements_is_named(project: Path) -> None:
     (project / "FIRST (1).MEA").write_bytes((project / "FIRST.MEA").read_bytes())
     said = orip(project, "run", "--no-report").err
