@@ -125,7 +125,7 @@ def ground_crs(crs: str, ground_unit: str, origin: FloatArray) -> GroundCrs:
         If the system is unknown, not projected, mirrored or turned to the south, in another unit than the project, if
         the origin is not in it, or if its heights cannot be taken to the ellipsoid with what is installed.
     """
-    whole, shown, geodetic, result = _checked(crs, ground_unit)
+    whole, shown, geodetic, result = checked_crs(crs, ground_unit)
     place = result.to_geographic(origin[None])[0]
     if not np.isfinite(place).all():
         raise InputError.single(_no_place(result, origin))
@@ -148,7 +148,7 @@ def near_place(crs: str, ground_unit: str, geographic: FloatArray) -> FloatArray
     InputError
         If the system is unknown, not projected or has no such place.
     """
-    whole, shown, _, result = _checked(crs, ground_unit)
+    whole, shown, _, result = checked_crs(crs, ground_unit)
     place = result.from_geographic(geographic[None])[0]
     if not np.isfinite(place).all():
         longitude, latitude = degrees_at(result, geographic)
@@ -157,7 +157,7 @@ def near_place(crs: str, ground_unit: str, geographic: FloatArray) -> FloatArray
     return np.asarray(place)
 
 
-class _CheckedCrs(NamedTuple):
+class CheckedCrs(NamedTuple):
     """A projected system as a whole, its name in messages, its geographic system, and it with Z above the ellipsoid."""
 
     whole: pyproj.CRS
@@ -166,14 +166,14 @@ class _CheckedCrs(NamedTuple):
     ground: GroundCrs
 
 
-def _checked(crs: str, ground_unit: str) -> _CheckedCrs:
+def checked_crs(crs: str, ground_unit: str) -> CheckedCrs:
     """Return a system, with all complaints about its axes and units at once."""
     whole, shown = _whole(crs)
     horizontal, geodetic = _horizontal(whole, shown)
     complaints = [*_axis_complaints(horizontal, shown), *_unit_complaints(whole, shown, ground_unit)]
     if complaints:
         raise InputError(complaints)
-    return _CheckedCrs(whole, shown, geodetic, _of_ellipsoid(whole, horizontal, geodetic, shown))
+    return CheckedCrs(whole, shown, geodetic, _of_ellipsoid(whole, horizontal, geodetic, shown))
 
 
 def _whole(crs: str) -> tuple[pyproj.CRS, str]:

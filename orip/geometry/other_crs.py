@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray
-from orip.errors import InputError
-from orip.geometry.ground_crs import geodetic_of, known_crs, near_place
+from orip.errors import Complaint, InputError
+from orip.geometry.ground_crs import checked_crs, geodetic_of, known_crs, near_place
 from orip.geometry.ground_ellipsoid import best_transformation, place_axes
 from orip.geometry.ground_frame import GroundFrame, ground_frame
 from orip.geometry.rotation import angles_from_rotation, rotation_from_navigation
@@ -21,6 +21,15 @@ if TYPE_CHECKING:
 
 
 from collections.abc import Iterator
+
+
+def crs_complaints(crs: str, ground_unit: str) -> tuple[Complaint, ...]:
+    """Return why a system is not fit for a project, wherever its block is; see `ground_crs`."""
+    try:
+        checked_crs(crs, ground_unit)
+    except InputError as error:
+        return error.complaints
+    return ()
 
 
 def geographic_from_crs(xyz: FloatArray, source: str, target: str) -> tuple[FloatArray, bool]:

@@ -10,7 +10,7 @@ import numpy as np
 from msgspec import Struct
 
 from orip.arrays import FloatArray
-from orip.errors import Complaint, InputError
+from orip.errors import Complaint, InputError, ProjectWarning
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.planning.geometry import (
     Frame,
@@ -26,7 +26,10 @@ from orip.records.camera import Camera
 from orip.records.control import ANGLES_ONLY_COMPARED, NOT_GIVEN, ONLY_COMPARED, Station
 from orip.records.plan import PlanSettings
 from orip.structs import replace
-from orip.units import RADIANS_PER_DEGREE
+from orip.units import METRES_PER_GROUND_UNIT, RADIANS_PER_DEGREE
+
+_LARGEST_PIXEL = 1.0
+"""Metres on the ground; photos of larger ones are taken from space."""
 
 
 class PlannedFlight(Struct, frozen=True):
@@ -136,6 +139,17 @@ def _height(settings: PlanSettings, frame: Frame) -> float:
         return settings.height
     assert settings.pixel is not None
     return height_of_pixel(frame, settings.pixel)
+
+
+def size_warnings(settings: PlanSettings, ground_unit: str) -> Iterator[ProjectWarning]:
+    """Warn of pixels of more than a metre on the ground, which are rather meant in another unit."""
+    metres = (settings.pixel or 0.0) * METRES_PER_GROUND_UNIT.get(ground_unit, 0.0)
+    if metres > _LARGEST_PIXEL:
+        text = (
+            f"pixel = {settings.pixel:g} is {metres:g} m on the ground; it is in the ground unit, {ground_unit}: "
+            f"if this is in cm, write pixel = {0.01 * metres / METRES_PER_GROUND_UNIT[ground_unit]:g}"
+        )
+        yield ProjectWarning("large-pixel", "[plan] in orip.toml", text)
 
 
 def _cross_strips(

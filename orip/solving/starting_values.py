@@ -195,10 +195,12 @@ def _all_are_compared(block: Block, values: PreliminaryValues) -> str:
         return ""
     if any(error is not None and error >= 0.0 for point in points for error in point.errors):
         return ""
+    how = values.photos[0].how
+    of_stations = "" if how.endswith(f": {NO_CONTROL}") else how.removesuffix(NO_CONTROL)
     return (
-        f"{len(values.photos)} of {len(values.photos)} photos could not be oriented: all {len(points)} points of the "
-        ".PNT file have negative errors, are check points, and nothing fixes the system of the block; make the errors "
-        'of three or more points positive, or set datum = "free" in the [[bundle]] of orip.toml'
+        f"{len(values.photos)} of {len(values.photos)} photos could not be oriented: {of_stations}all {len(points)} "
+        "points of the .PNT file have negative errors, are check points, and fix nothing; make the errors of three or "
+        'more points positive, or set datum = "free" in the [[bundle]] of orip.toml'
     )
 
 

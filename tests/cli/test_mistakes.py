@@ -61,6 +61,13 @@ def test_wrong_usage_is_2_also_as_json(project: Path, words: tuple[str, ...], se
     assert sentence in said.document["errors"][0]["message"]
 
 
+def test_no_project_is_called_by_a_sign_alone(tmp_path: Path) -> None:
+    said = orip(tmp_path, "new", "-")
+    assert said.code == 3
+    assert "'-' has neither letter nor digit, so it cannot be used in file names" in said.err
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_group_without_a_command_shows_its_help(project: Path) -> None:
     said = orip(project, "control")
     assert said.code == 2
@@ -217,6 +224,22 @@ def test_nothing_measured(project: Path) -> None:
     assert "nothing is measured yet: no file is called *.MEA" in orip(project, "measure").err
     replace_in(project / "orip.toml", '"FIRST" }', '"FIRST", measurement_files = ["A.MEA"] }')
     refused(orip(project, "run"), 3, "measurement file 'A.MEA' does not exist")
+
+
+@pytest.mark.parametrize(
+    ("crs", "words"),
+    [("EPSG:4326", "is not a projected system"), ("UTM 32N", "not known to PROJ"), ("EPSG:5513", "must grow to the")],
+)
+def test_a_system_that_is_none_is_said_with_its_place_before_a_store_is_made(
+    project: Path, crs: str, words: str
+) -> None:
+    text = project / "orip.toml"
+    text.write_text(text.read_text().replace('name = "FIRST"', f'name = "FIRST", crs = "{crs}"', 1))
+    said = orip(project, "init")
+    assert said.code == 3
+    assert f"error: orip.toml:1: crs {crs}" in said.err.replace('"', ""), said.err
+    assert words in said.err
+    assert not list(project.glob("*.CAM"))
 
 
 def test_a_copy_of_the_measurements_is_named(project: Path) -> None:
@@ -384,6 +407,15 @@ def test_the_same_fault_in_each_line_is_told_once_with_its_number(project: Path)
     assert error.startswith(f"error: FIRST.PNT:{first}:4")
     assert error.endswith(f" (3000 times, then in line {first + 1}, {first + 2}, {first + 3} ...)")
     assert said.err.splitlines()[-1] == "3000 errors; nothing was written"
+
+
+def test_a_log_of_another_form_is_not_read_to_its_end(project: Path) -> None:
+    with (project / "FIRST.MEA").open("a") as log:
+        log.writelines(f"P{number},1,2\n" for number in range(100_000))
+    said = orip(project, "run")
+    assert said.code == 3
+    assert "(2000 times, then in line " in said.err
+    assert "after 2000 errors the rest of this file is not read" in said.err
 
 
 def test_control_of_a_whole_country_is_counted_and_not_listed(project: Path) -> None:

@@ -179,6 +179,15 @@ def test_a_camera_too_far_from_the_polynomial_is_refused_by_name() -> None:
         convert_camera(ExchangedCamera("7", 10, 10, "opencv", {"fx": 0.0, "fy": 1.0}), "K1")
 
 
+@pytest.mark.parametrize("k1", [0.0, -0.4])
+def test_width_and_height_exchanged_are_named(k1: float) -> None:
+    given = {"fx": 2000.0, "fy": 2000.0, "cx": 1511.0, "cy": 1980.0, "k1": k1}
+    with pytest.raises(UnsuitableCameraError, match="of a frame of 3000 x 4000 pixels, and not of one of 4000 x 3000"):
+        convert_camera(camera("opencv", given), "K1")
+    assert convert_camera(replace(camera("opencv", {**given, "k1": 0.0}), columns=3000, rows=4000), "K1").is_exact
+    assert convert_camera(camera("opencv", {**given, "cx": 1700.0, "k1": 0.0}), "K1").is_exact
+
+
 def test_a_formula_that_no_camera_comes_near_gives_none_whatever_fit_is_accepted() -> None:
     source = camera("agisoft", {"f": 3000.0, "cx": 0.0, "cy": -10.0, "k1": 2.0**63, "b2": 0.3})
     with pytest.raises(UnsuitableCameraError, match="cannot be fitted"):

@@ -21,6 +21,8 @@ names = (
 file_names = names.filter(lambda name: file_name_fault(name) is None and record_key(name) not in {"INTERIOR", "PRELIM"})
 numbers = st.floats(allow_nan=False, allow_infinity=False).map(lambda value: value + 0.0)
 positive = st.floats(min_value=1e-9, max_value=1e9)
+angles = st.floats(-360.0, 360.0).map(lambda value: value + 0.0)
+distances = st.floats(1e-9, 1e5)
 printed = st.text(st.characters(codec="ascii", min_codepoint=33, max_codepoint=126), max_size=20)
 
 
@@ -53,7 +55,7 @@ def cameras(draw: Any, name: str) -> Camera:
     small = st.floats(-1.0, 1.0)
     camera = Camera(
         name,
-        (draw(positive), draw(numbers), draw(numbers), *polynomial, 0.0),
+        (draw(distances), draw(numbers), draw(numbers), *polynomial, 0.0),
         draw(st.sampled_from(["ideal", "measured"])),
         draw(st.tuples(*[st.floats(-1e3, 1e3)] * 4)) if form == "isp" else None,
         tuple((radius, draw(small)) for radius in radii) if form == "curve" else None,
@@ -144,7 +146,7 @@ def _photo(draw: Any, name: str, camera_records: list[Camera], templates: list[s
         camera.name,
         template,
         draw(stages) if template is None else None,
-        draw(st.tuples(*[some(numbers)] * 6)),
+        draw(st.tuples(*[some(numbers)] * 3, *[some(angles)] * 3)),
         draw(some_of(PHOTO_PARAMETERS)),
         draw(some(scans)) if camera.sensor is None else None,
     )

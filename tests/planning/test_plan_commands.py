@@ -181,6 +181,13 @@ def test_settings_that_cannot_be_get_one_clear_message(tmp_path, changed, said):
     assert "Traceback" not in found.err
 
 
+def test_a_pixel_of_centimetres_is_a_warning(tmp_path):
+    said = orip(project(tmp_path / "p", pixel="2.0"), "plan", "make", "--dry-run").err
+    assert "warning: [plan] in orip.toml: pixel = 2 is 2 m on the ground" in said
+    assert "write pixel = 0.02" in said
+    assert "warning" not in orip(project(tmp_path / "q", pixel="0.02"), "plan", "make", "--dry-run").err
+
+
 def test_no_overlap_at_all_is_a_plan(tmp_path):
     made = project(tmp_path / "p", forward="0.0", side="0.0")
     assert document(made, "plan", "make")["base"] == pytest.approx(0.02 * 3648, rel=1e-9)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from partial_block_samples import ground_sample
+from partial_block_samples import SampleNames, ground_sample
+from scipy.spatial.transform import Rotation
 
 from orip.prelim.similarity.absolute_orientation import KnownPositions, absolute_orientation
 from orip.prelim.similarity.joining import Joined
-from orip.records.preliminary import NotOriented
+from orip.records.preliminary import NotOriented, PartialBlock
 from orip.structs import replace
 
 
@@ -204,6 +205,40 @@ def test_projection_centres_help_where_control_does_not_suffice():
     assert found.step.remarks[0].startswith("projection centres are used as control")
     unknown = replace(sample.centres, errors=np.full((4, 3), np.nan))
     assert sample.turned_by(oriented(sample, centres=unknown).similarity) < 1.0
+
+
+@pytest.mark.parametrize("known", [[0, 1, 2], [2]], ids=["two points", "two heights"])
+@pytest.mark.parametrize("stations", [8, 12, 30])
+def test_control_beside_one_strip_turns_a_bent_block_about_it(known, stations):
+    """Stations that are nearly on a line would turn a bent block anywhere, at the cost of the points beside it."""
+    right = 0
+    for seed in range(20):
+        random = np.random.default_rng(seed)
+        length = 24.0 * (stations - 1)
+        along = np.r_[random.uniform(0.0, length, 2), np.linspace(0.0, length, stations)]
+        across = np.r_[random.uniform(20.0, 100.0, 2) * random.choice([-1, 1], 2), 0.1 * random.normal(size=stations)]
+        height = np.r_[3.0 * random.normal(size=2), 80.0 + 0.1 * random.normal(size=stations)]
+        ground = np.column_stack([along, across, height])
+        bent = ground + (2.0 * along / length - 1.0)[:, None] ** 2 * random.normal(0.0, 0.1, 3)
+        truth = replace(ground_sample(seed).truth, shift=np.zeros(3))
+        source = truth.inverse().apply(bent + random.normal(0.0, 0.005, bent.shape))
+        given = ground + random.normal(0.0, 0.01, ground.shape)
+        control = np.full((2, 3), np.nan)
+        control[:, known] = given[:2][:, known]
+        photos = tuple(f"P{k}" for k in range(stations))
+        block = PartialBlock(
+            "AB", np.arange(stations), np.repeat(truth.rotation.T[None], stations, axis=0), source[2:], np.arange(2),
+            source[:2], np.full((2, 3), 0.004 / truth.scale),
+        )  # fmt: skip
+        found = absolute_orientation(
+            block,
+            SampleNames(photos, ("K1", "K2")),
+            KnownPositions(("K1", "K2"), control, np.full((2, 3), 0.01)),
+            KnownPositions(photos, given[2:], np.full((stations, 3), 0.01)),
+        )
+        assert isinstance(found, Joined)
+        right += Rotation.from_matrix(found.similarity.rotation @ truth.rotation.T).magnitude() < np.radians(3.0)
+    assert right >= 19
 
 
 def test_control_of_something_else_is_refused():

@@ -146,6 +146,34 @@ def heights(result: dict[str, Any]) -> float:
     return float(np.sqrt(np.mean([point["dZ"] ** 2 for point in result["check_points"]])))
 
 
+@pytest.mark.parametrize(("first", "last", "fits"), [(1, 8, True), (37, 48, False)])
+def test_one_strip_of_stations_and_control_beside_it_suffice(tmp_path: Path, first: int, last: int, fits: bool) -> None:
+    """Stations nearly on a line leave the turn about it to the control; the second strip has the bad fix."""
+    folder = copied(tmp_path / "drone")
+    rows = (folder / "DRONE.STA").read_text(encoding="utf-8").splitlines(keepends=True)
+    (folder / "DRONE.STA").write_text("".join(rows[first - 1 : last]), encoding="utf-8")
+    said = orip(folder, "run", "--no-report")
+    assert "status   converged" in said.out
+    assert ("its position contradicts the block" not in said.err) == fits
+    result = json.loads((folder / "result.json").read_text())
+    # the turn about the strip is as certain as 0.012 m of the survey beside it, and all points 0.03 m
+    assert np.abs([[point["dX"], point["dY"], point["dZ"]] for point in result["check_points"]]).max() < 0.1
+
+
+@pytest.mark.parametrize("rows", [[0, 1, 2], [0, 5, 11]])
+def test_stations_on_a_line_alone_are_said_to_leave_the_turn_about_it(tmp_path: Path, rows: list[int]) -> None:
+    folder = copied(tmp_path / "drone")
+    stations_of_all = (folder / "DRONE.STA").read_text(encoding="utf-8").splitlines(keepends=True)
+    (folder / "DRONE.STA").write_text("".join(stations_of_all[row] for row in rows), encoding="utf-8")
+    points = (folder / "DRONE.PNT").read_text(encoding="utf-8").replace("0.008 0.008 0.012", "-0.008 -0.008 -0.012")
+    (folder / "DRONE.PNT").write_text(points.replace("--", "-"), encoding="utf-8")
+    said = orip(folder, "run", "--no-report")
+    assert said.code != 0
+    assert "the exposure stations lie on one line" in said.err
+    assert "they do not fix the rotation about it; give a control point off the line" in said.err
+    assert "all 5 points of the .PNT file have negative errors" in said.err
+
+
 def test_events_without_names_are_matched_by_the_times_of_photos(tmp_path: Path) -> None:
     folder = copied(tmp_path / "drone", "DRONE.STA")
     head = "".join((SAMPLE / "flight.pos").read_text().splitlines(keepends=True)[:4])

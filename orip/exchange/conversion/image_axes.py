@@ -11,9 +11,14 @@ from orip.errors import OripError
 from orip.exchange.conversion.lens_exact import Parameters
 from orip.exchange.conversion.lens_table import focal_lengths, lens_parameters
 from orip.records.camera import Sensor
-from orip.records.exchanged import ExchangedCamera, ImageAxes, Lens
+from orip.records.exchanged import PIXELS, ExchangedCamera, ImageAxes, Lens
 
 _FOCAL_LENGTHS = (1e-3, 1e9)  # pixels or mm; beyond, powers of the focal length are no numbers any more
+
+
+_OBLONG, _NEAR_THE_MIDDLE = 0.15, 0.03
+"""Parts of the longer side: what the sides of an oblong frame differ by at least, so that the middles of both positions
+are 0.07 apart; and what principal points of ordinary cameras are off the middle."""
 
 
 class UnsuitableCameraError(OripError):
@@ -54,6 +59,22 @@ def require_possible(source: ExchangedCamera) -> None:
             "parameter is not finite"
         )
         raise UnsuitableCameraError(message)
+    if _is_frame_exchanged(source):
+        message = (
+            f"{what}: its principal point is in the middle of a frame of {source.rows} x {source.columns} pixels, and "
+            f"not of one of {source.columns} x {source.rows}: width and height are probably exchanged; exchange them"
+        )
+        raise UnsuitableCameraError(message)
+
+
+def _is_frame_exchanged(source: ExchangedCamera) -> bool:
+    """Tell whether the principal point is in the middle of a frame that lies the other way."""
+    parameters, longer = lens_parameters(source), max(source.frame)
+    # from the middle of the frame a principal point says nothing of its sides
+    if source.lens_axes != PIXELS or "cx" not in parameters:
+        return False
+    off = max(abs(parameters["cx"] - 0.5 * source.rows), abs(parameters["cy"] - 0.5 * source.columns))
+    return longer - min(source.frame) > _OBLONG * longer and off < _NEAR_THE_MIDDLE * longer
 
 
 def pixels_from_axes(

@@ -42,6 +42,9 @@ try:
 except ImportError:  # the extension is built where there is a compiler
     compiled = None  # type: ignore[assignment]
 
+_MOST_COMPLAINTS = 2000
+"""After so many errors the rest of a log is not read: it is probably of another form."""
+
 LINES_AT_A_TIME = 1000
 """Most lines of a run, after which to tell how far reading is."""
 
@@ -151,6 +154,10 @@ class _Log:
                 number, place = number + 1, end_of_line + 1
                 if line and not line.isspace():
                     self._read_line(line, number)
+                if len(self.complaints) >= _MOST_COMPLAINTS:
+                    message = f"after {_MOST_COMPLAINTS} errors the rest of this file is not read; correct those first"
+                    self.complaints.append(Complaint(message, self.shown, number + 1))
+                    break
         self._close_block()
         self.complaints.sort(key=lambda complaint: complaint.line or 0)
 

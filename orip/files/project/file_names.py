@@ -26,7 +26,9 @@ def file_name_fault(name: str) -> str | None:
         return f"has {' '.join(unfit)}, which file names cannot have"
     if is_device(name):
         return "is the name of a device on Windows, which no file can have"
-    return "is not a file name" if name in {".", ".."} else _length_fault(name)
+    if not any(character.isalnum() for character in name):
+        return "has neither letter nor digit"
+    return _length_fault(name)
 
 
 def bundle_name_fault(name: str) -> str | None:
@@ -43,7 +45,7 @@ def fit_file_name(name: str) -> str:
         fit = fit[: _LONGEST_NAME if len(fit) > _LONGEST_NAME else -1]
     if is_device(fit):
         return f"_{fit}"
-    return fit if fit.strip("._") else "PROJECT"
+    return fit if any(character.isalnum() for character in fit) else "PROJECT"
 
 
 def store_path_fault(path: str, extension: str) -> str | None:

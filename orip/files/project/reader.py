@@ -171,6 +171,7 @@ def parse_project(text: str, shown: str = "orip.toml") -> Parsed[ProjectText | N
     complaints = {Complaint(printable(message), shown, lines.line_of(place)): None for place, message in faults}
     warnings = tuple(record_checks.similar_marks(source, shown, lines.line_of))
     warnings += tuple(record_checks.directions_without_readout(source, shown, lines.line_of))
+    warnings += tuple(record_checks.unit_in_other_words(source, shown, lines.line_of))
     if complaints or source.project is None:
         return Parsed(None, tuple(sorted(complaints, key=lambda complaint: complaint.line or 0)), warnings)
     definition = project_definition(source, source.project)

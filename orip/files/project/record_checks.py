@@ -15,14 +15,30 @@ from orip.records.definition import BundleDefinition
 from orip.records.names import look_alikes, name_fault, record_key
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.receivers import NetworkSettings
+from orip.units import DEGREES_PER_GON, METRES_PER_GROUND_UNIT
 
 _RADIAL_FORMS = ("distortion_isp", "distortion_curve")
 """What may stand in place of A1, A3, A5, A7, A9 of the key `distortion`, which holds P1, P2, B1, B2 then."""
 _LISTING_BASES = ("INTERIOR", "PRELIM")
 _LEAST_CURVE_RADII = 4
+_ANGLES = PHOTO_PARAMETERS[3:]
+_FULL_CIRCLE = 360.0
+"""Degrees."""
 _LONGEST_READOUT = 1.0
 """Seconds."""
 _EXAMPLE_C = 8.595
+_LONGEST_C = 1e5
+"""Millimetres: the longest telescopes have 60 m."""
+_UNITS_IN_OTHER_WORDS = {
+    **dict.fromkeys(("meter", "metre", "meters", "metres", "mtr"), "m"),
+    **dict.fromkeys(("kilometer", "kilometre", "kilometers", "kilometres"), "km"),
+    **dict.fromkeys(("centimeter", "centimetre", "centimeters", "centimetres"), "cm"),
+    **dict.fromkeys(("millimeter", "millimetre", "millimeters", "millimetres"), "mm"),
+    **dict.fromkeys(("ft", "feet", "international foot"), "foot"),
+    **dict.fromkeys(("us-ft", "ftus", "usft", "us foot", "us survey feet", "survey foot"), "US survey foot"),
+    **{name.casefold(): name for name in METRES_PER_GROUND_UNIT},
+}
+"""Ground units that orip knows by another name."""
 
 LineOf = Callable[[KeyPath], int]
 
@@ -80,6 +96,11 @@ def check_cameras(source: ProjectSource, line_of: LineOf) -> Iterator[Fault]:
         yield from _radial_distortion(camera, where)
         if table.same_lens_as is None and "c" not in camera.keys:
             yield camera.place, f"{where} has no c; it is required, write for example c = {_EXAMPLE_C}"
+        if table.parameters[0] > _LONGEST_C:
+            message = (
+                f"{where} has c = {table.parameters[0]:g} mm; no lens has more than {_LONGEST_C:g}: write it in mm"
+            )
+            yield (*camera.place, "c"), message
         if table.sensor is not None and table.fiducials:
             message = f"{where} has both sensor and fiducials; a sensor is for cameras without fiducials"
             yield (*camera.place, "sensor"), message
@@ -118,6 +139,18 @@ def _readout(camera: Located[Camera], where: str) -> Iterator[Fault]:
     elif record.sensor is None and (readout or "READOUT" in record.unknown):
         key = "readout" if readout else "unknown"
         yield (*camera.place, key), f"{where} has a readout, but no sensor whose rows it is of; give its sensor, too"
+
+
+def unit_in_other_words(source: ProjectSource, shown: str, line_of: LineOf) -> Iterator[ProjectWarning]:
+    """Warn of a ground unit that orip would know by another name; what it does not know is a label."""
+    given = "m" if source.project is None else source.project.ground_unit
+    known = _UNITS_IN_OTHER_WORDS.get(given.strip().casefold(), given)
+    if known != given:
+        text = (
+            f"ground_unit '{shown_token(given)}' is only a label: orip does not know its length; write "
+            f'ground_unit = "{known}" (known are {", ".join(METRES_PER_GROUND_UNIT)})'
+        )
+        yield ProjectWarning("unknown-unit", f"{shown}:{line_of(('project', 'ground_unit'))}", text)
 
 
 def directions_without_readout(source: ProjectSource, shown: str, line_of: LineOf) -> Iterator[ProjectWarning]:
@@ -161,10 +194,21 @@ def parameter_names(place: KeyPath, given: Sequence[str], known: Sequence[str], 
 
 
 def check_photo_parameters(source: ProjectSource) -> Iterator[Fault]:
-    """Check the names of constant orientation elements."""
+    """Check the angles, and the names of constant orientation elements."""
     for photo in source.photos:
-        where = f"constant of photo '{photo.record.name}'"
-        yield from parameter_names((*photo.place, "constant"), photo.record.constant, PHOTO_PARAMETERS, where)
+        where = f"photo '{photo.record.name}'"
+        for key, angle in zip(_ANGLES, photo.record.orientation[3:], strict=True):
+            if angle is not None and abs(angle) > _FULL_CIRCLE:
+                yield (*photo.place, key), _beyond_the_circle(f"{where} has {key} = {angle:g}", angle)
+        names = photo.record.constant
+        yield from parameter_names((*photo.place, "constant"), names, PHOTO_PARAMETERS, f"constant of {where}")
+
+
+def _beyond_the_circle(what: str, angle: float) -> str:
+    """Say that an angle is beyond the full circle, and what was meant if it is within that of gon."""
+    gon = angle * DEGREES_PER_GON
+    meant = f"; if this is in gon, write {gon:g}" if abs(gon) <= _FULL_CIRCLE else ""
+    return f"{what}; angles are in degrees, from -{_FULL_CIRCLE:g} to {_FULL_CIRCLE:g}{meant}"
 
 
 def check_temticks(source: ProjectSource, line_of: LineOf) -> Iterator[Fault]:

@@ -44,6 +44,9 @@ _NEAR, _ARMS = 200.0, (1.0, 10.0)
 """Metres: distance of a camera from the ground up to which what carries it is small, and the longest lever arm on board
 of what is small, and of others."""
 
+_SAME_INTERVAL = 0.1
+"""Part of the interval of exposures by which a time offset is one: speed and intervals vary by less on a strip."""
+
 _DECIMALS = 4
 
 _MANY = 0.25
@@ -111,10 +114,14 @@ def _late(block: Block, row: int, where: str) -> Hypothesis:
         seconds = float(solved.state.antennas[row, column])
         metres = abs(seconds - antenna.time_offset) * _speed(solved, row)
         listed = ", ".join(f'"{name}"' for name in unknown)
+        named = (
+            "as much as from one exposure to the next: the names of photos are probably shifted by one in the .MEA or "
+            "the .STA file, correct them there; else "
+        )
         text = (
             f"they are {abs(seconds):.3f} s {'late' if seconds > 0.0 else 'early'}, as all are off by about "
-            f"{metres:.2f} m along the flight, more than a lever arm: {where} unknown = "
-            f"[{listed}] in orip.toml, or correct the times of the exposures"
+            f"{metres:.2f} m along the flight, {named if _is_interval(block, seconds) else 'more than a lever arm: '}"
+            f"{where} unknown = [{listed}] in orip.toml, or correct the times of the exposures"
         )
         return [ProjectWarning(LATE, "exposure stations", text)]
 
@@ -123,6 +130,13 @@ def _late(block: Block, row: int, where: str) -> Hypothesis:
         return offset > longest_arm(solved)
 
     return Hypothesis(_with_antenna(block, row, replace(antenna, unknown=unknown)), findings, holds=is_longer_than_arms)
+
+
+def _is_interval(block: Block, seconds: float) -> bool:
+    """Tell whether a time offset is the usual interval of the exposures."""
+    times = sorted(station.time for station in block.stations if station.has_position)
+    interval = float(np.median(np.diff(times)))
+    return abs(abs(seconds) - interval) < _SAME_INTERVAL * interval
 
 
 def _speed(solved: SolvedBlock, row: int) -> float:

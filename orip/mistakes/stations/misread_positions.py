@@ -23,6 +23,8 @@ from orip.structs import replace
 
 ORDER = declare("station-order", "positions of photos stand under the names of others", STATIONS_OFF)
 HEIGHTS = declare("station-heights", OF_HEIGHT_SYSTEMS, STATIONS_OFF)
+ZERO_HEIGHTS = declare("zero-heights", "the heights of the control are not filled in", STATIONS_OFF)
+GRID = declare("crs-of-another-grid", "crs is probably not the system of the coordinates", STATIONS_OFF)
 AXES = declare("station-axes", "the axes of the stations are not those of the control", STATIONS_OFF)
 UNIT = declare("station-unit", "the stations are in another unit than the control", STATIONS_OFF)
 HEIGHT_OFFSET = declare(
@@ -31,6 +33,8 @@ HEIGHT_OFFSET = declare(
 )  # fmt: skip
 SHORTENED = declare("shortened-coordinates", "leading digits are missing in the stations or the control", STATIONS_OFF)
 LOCAL = declare("local-system", "the stations or the control are in another system, or a local one", STATIONS_OFF)
+
+_OFF_IN_Z = {HEIGHTS, ZERO_HEIGHTS, GRID}
 
 _FEWEST, _FEWEST_MOVED = 5, 3
 """Least number of positions, and of those that are of other photos."""
@@ -50,6 +54,9 @@ _GEOID = (10.0, 120.0)
 _ALIKE = 0.05
 """Spread of the differences of height systems, and what X and Y are off by, as parts of the difference at most."""
 
+
+_OFF_SCALE = 0.01
+"""What the scale of a grid differs from 1 by where it is hardly that of a survey: national grids and UTM have 0.001."""
 
 _FEWEST_CONTROL = 3
 """Least number of control points that show where the block is."""
@@ -92,18 +99,19 @@ def misread_stations(block: Block, solved: SolvedBlock) -> list[ProjectWarning]:
     for placed in (observed, moved) if moved is not None else (observed,):
         # heights in feet are nearly constant above others of a low object
         readings += [*_read(placed), _in_another_height_system(block, placed), *_far_away(block, placed)]
-    where = "exposure stations"
-    return [ProjectWarning(code, where, text) for code, text in readings if text][:1]
+    where = {ZERO_HEIGHTS: "control points", GRID: "crs"}
+    found = ((where.get(code, "exposure stations"), code, text) for code, text in readings if text)
+    return [ProjectWarning(code, of, text) for of, code, text in found][:1]
 
 
 def misread_places(misfit: Misfit) -> list[ProjectWarning]:
-    """Return the same of a misfit, but for heights that are in another system."""
+    """Return the same of a misfit, but for heights that are off alike."""
     found = misread_stations(misfit.readjuster.block, misfit.solved)
-    return [] if any(warning.code == HEIGHTS for warning in found) else found
+    return [] if any(warning.code in _OFF_IN_Z for warning in found) else found
 
 
 def other_heights(misfit: Misfit) -> list[ProjectWarning]:
-    """Return that heights of stations are in another system, which a lens or a lever arm may look like."""
+    """Return why heights of stations are off alike, which a lens or a lever arm may look like."""
     return misread_stations(misfit.readjuster.block, misfit.solved)
 
 
@@ -205,14 +213,38 @@ def _in_another_height_system(block: Block, observed: _Observed) -> tuple[str, s
     spread = np.median(np.abs(off - middle), axis=0)
     height = abs(float(middle[2]))
     fits = spread[2] < _ALIKE * height and np.abs(middle[:2]).max() + spread[:2].max() < _ALIKE * height
-    if block.ground_unit != "m" or not (_GEOID[0] < height < _GEOID[1] and fits):
+    if block.ground_unit != "m" or not (_GEOID[0] < height and fits):
         return HEIGHTS, ""
+    by = f"{height:.2f} m too {'high' if middle[2] > 0.0 else 'low'} in Z"
+    heights = [point.coordinates[2] for point in block.control_points if point.coordinates[2] is not None]
+    is_controlled = len(heights) >= _FEWEST_CONTROL
+    scale = _grid_scale(block, np.median(observed.given, axis=0))
+    above = float(np.median(observed.given[:, 2]) - np.median(heights)) if is_controlled else np.inf
+    # a block in a grid of another scale keeps its shape, and so flies lower or higher by that scale
+    if abs(scale - 1.0) > _OFF_SCALE and abs(above - scale * (above - middle[2])) < _ALIKE * abs(above):
+        text = (
+            f"its grid makes lengths at the block {scale:.3f} times those on the ground, and the stations are given "
+            f"{by}, compared with the control, as where X and Y are of another system, such as UTM or a national grid: "
+            "name that system as crs in orip.toml"
+        )
+        return GRID, text
+    if is_controlled and not any(heights):
+        text = (
+            f"all {len(heights)} have the height 0, and the stations are given {by}, compared with them: fill in their "
+            "heights in the .PNT file, or, if they are right, give the stations in the same height system"
+        )
+        return ZERO_HEIGHTS, text
     text = (
-        f"they are given {height:.2f} m too {'high' if middle[2] > 0.0 else 'low'} in Z, compared with the control, "
-        "and fit in X and Y: their heights and those of the control are probably in different height systems (above "
-        "the ellipsoid, above the geoid); use one for both"
+        f"they are given {by}, compared with the control, and fit in X and Y: their heights and those of the control "
+        "are probably in different height systems (above the ellipsoid, above the geoid); use one for both"
     )
-    return HEIGHTS, text
+    return HEIGHTS, text if height < _GEOID[1] else ""
+
+
+def _grid_scale(block: Block, place: FloatArray) -> float:
+    """Return how long a kilometre on the ground is in the grid at a place of the project, in kilometres."""
+    along = block.ground.to_local(place + np.array([[0.0, 0.0, 0.0], [1000.0, 0.0, 0.0]]))
+    return 1000.0 / float(np.linalg.norm(along[1] - along[0]))
 
 
 _ROUND, _SHORT = 1000.0, 5.0

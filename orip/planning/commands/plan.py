@@ -77,11 +77,13 @@ def _register_make(group: typer.Typer) -> None:
         Example: orip plan make
         """
         from orip.planning.designed import made_plan, plan_text, read_plan
+        from orip.planning.plan import size_warnings
         from orip.workflow.project.outputs import TextOutput, write_output
 
         given = read_plan(invocation.folder, bundle)
         plan = made_plan(given)
         project = given.state.project
+        invocation.terminal.warn(size_warnings(given.settings, project.definition.ground_unit))
         if not dry_run:
             text = plan_text(plan)
             _require_unedited(given, text, force)

@@ -33,8 +33,8 @@ _BESIDE_ONE_LINE = 3.0
 """Standard deviations by which points must deviate from a line to determine the rotation about it."""
 
 _FAR_MORE_PRECISE, _MOST_PRECISE = 5.0, 100
-"""Ratio of a-priori errors from which on the middle one tells nothing of a position; most positions that are tried from
-all sides for that."""
+"""Ratio of a-priori errors, or of distances from a line, from which on the middle one tells nothing of a position; most
+positions that are tried from all sides for that."""
 
 _WELL = 2.0
 """Standard error of unit weight up to which control that is known in part and in full agrees."""
@@ -180,9 +180,11 @@ def fit_to_control(
         found = adjust_similarity(common, start_from_triples(common))
         if found.fits.all() and found.s0 < _WELL:
             return found
-        if _is_of_the_precise(common, found):
-            # of two control points and many stations, precise ones may be given up for what the others scatter by
-            return of_lowest_cost(common, (found, adjusted_from_all_sides(common, rotations, [])))
+        if _is_of_the_precise(common, found) or _is_of_those_beside(common, found):
+            # of two control points and many stations, these may be given up for what the others scatter by
+            solutions = found, adjusted_from_all_sides(common, rotations, [])
+            held = [solution for solution in solutions if not _is_of_those_beside(common, solution)]
+            return of_lowest_cost(common, held or solutions)
         if full.all() or count > _FEW:
             return found
         # among few full points the wrong ones are revealed only by those known in part
@@ -210,6 +212,17 @@ def _is_of_the_precise(common: CommonPoints, found: SimilarityAdjustment) -> boo
         return False
     errors = common.errors(found.similarity).max(axis=1)
     return bool((errors[~found.fits] < median(errors) / _FAR_MORE_PRECISE).any())
+
+
+def _is_of_those_beside(common: CommonPoints, found: SimilarityAdjustment) -> bool:
+    """Tell whether the positions that do not fit lie far beside the line of the others, as control beside one strip.
+
+    They alone fix the rotation about it: without them the block may be turned to where a bent one fits the line best.
+    """
+    if len(common.source) > _MOST_PRECISE:
+        return False
+    across, _ = _spread(common.source[found.fits])
+    return across < _spread(common.source)[0] / _FAR_MORE_PRECISE
 
 
 def _in_a_row(common: CommonPoints, noun: str, width: float, length: float) -> str:
@@ -240,10 +253,14 @@ def _too_few(full: int, points: int, axes: IntArray) -> str:
 
 def _width(common: CommonPoints) -> tuple[float, float]:
     """Return root mean square distances across and along the line of best fit of the full points, ground units."""
-    full = common.target[common.full]
-    if len(full) < 3:
+    return _spread(common.target[common.full])
+
+
+def _spread(positions: FloatArray) -> tuple[float, float]:
+    """Return root mean square distances of positions (n, 3) across and along their line of best fit; 0 of two."""
+    if len(positions) < _FEWEST:
         return 0.0, 0.0
-    singular = np.linalg.svd(full - full.mean(axis=0), compute_uv=False) / np.sqrt(len(full))
+    singular = np.linalg.svd(positions - positions.mean(axis=0), compute_uv=False) / np.sqrt(len(positions))
     return float(singular[1]), float(singular[0])
 
 

@@ -101,11 +101,13 @@ class ProjectTexts:
 
     def faults(self) -> Parsed[None]:
         """Read all texts; return the complaints and warnings of all of them, each once."""
+        of_crs = _of_crs(self._project)
         of_bundles: list[Parsed[Any]] = [self.control_input(name) for name in self._project.bundle_names]
         outcomes: list[Parsed[Any]] = [self.log, *(of_bundles or [self.control])]
-        complaints = dict.fromkeys(complaint for outcome in outcomes for complaint in outcome.complaints)
+        said = {complaint.message for complaint in of_crs}  # by stations of another system, too
+        complaints = dict.fromkeys(one for outcome in outcomes for one in outcome.complaints if one.message not in said)
         warnings = dict.fromkeys(warning for outcome in outcomes for warning in outcome.warnings)
-        return Parsed(None, tuple(complaints), tuple(warnings))
+        return Parsed(None, (*of_crs, *complaints), tuple(warnings))
 
     def _read_control_input(self, bundle: str) -> Parsed[ControlInput]:
         path = self._project.preliminary(bundle)
@@ -157,6 +159,18 @@ def read_ground_control(project: ProjectFolder, base: str) -> Parsed[Control]:
         line = found.station_reference.line
         complaints += [replace(fault, path=f"{base}.STA", line=fault.line or line) for fault in error.complaints]
     return Parsed(found, tuple(complaints), control.warnings)
+
+
+def _of_crs(project: ProjectFolder) -> tuple[Complaint, ...]:
+    """Return the complaints of a `crs` that no block can be adjusted in."""
+    definition = project.definition
+    if definition.crs is None:
+        return ()
+    from orip.geometry.other_crs import crs_complaints
+
+    place = project.shown(project.text), project.lines.get(("project", ""))
+    faults = crs_complaints(definition.crs, definition.ground_unit)
+    return tuple(Complaint(fault.message, *place) for fault in faults)
 
 
 def _stations_in_project(project: ProjectFolder, control: Control) -> tuple[Station, ...]:

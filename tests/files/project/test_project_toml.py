@@ -137,6 +137,13 @@ def test_marks_that_look_alike_are_a_warning() -> None:
     assert (warning.code, warning.where) == ("similar-names", "orip.toml:6")
 
 
+@pytest.mark.parametrize(("unit", "known"), [("Meter", "m"), ("M", "m"), ("FEET", "foot"), ("foot", ""), ("ell", "")])
+def test_a_unit_in_other_words_is_a_warning(unit: str, known: str) -> None:
+    warnings = parse_project(f'project = {{ name = "P", ground_unit = "{unit}" }}\n').warnings
+    assert [one.where for one in warnings] == ["orip.toml:1"] * bool(known)
+    assert all(f'write ground_unit = "{known}"' in one.text for one in warnings)
+
+
 @pytest.mark.parametrize("key", ["", "readout = 0.03", "readout = 0.0", 'unknown = ["READOUT"]'])
 def test_a_direction_of_rows_without_their_readout_is_a_warning(key: str) -> None:
     sensor = "sensor = { columns = 10, rows = 10, width = 1, height = 1 }"
@@ -208,6 +215,7 @@ def test_a_direction_of_rows_without_their_readout_is_a_warning(key: str) -> Non
             "names camera 'u', which has the lens of 'O'; name 'O'",
         ),
         (f'{PROJECT}{CAMERA}distortion_at = "Ideal"\n', 6, "but 'ideal' or 'measured' is required"),
+        (PROJECT + CAMERA.replace("8.5", "1e9"), 5, "no lens has more than 100000: write it in mm"),
         (f"{PROJECT}{CAMERA}frame = [24, 0]\n", 6, "frame number 2 of camera 'O' is 0, but a number above 0"),
         (f"{PROJECT}{CAMERA}set = \"BROWN\"\n", 6, "but 'EBNER' or 'GRUEN' is required"),
         (f"{PROJECT}{CAMERA}unknown = [\n'C',\n'c']\n", 8, "'c' is not a parameter; did you mean 'C'?"),
@@ -279,6 +287,8 @@ camera = "O"
         ('scan = { pixel = 1, origin = "center" }\n', 23, "but 'corner' or 'centre' is required"),
         ('constant = ["X0", "KAPA"]\n', 23, "'KAPA' is not a parameter; did you mean 'KAPPA'?"),
         ("PHI = inf\n", 23, "a finite number is required"),
+        ("PHI = 0.0\nOMEGA = 400.0\n", 24, "has OMEGA = 400; angles are in degrees"),
+        ("KAPPA = -4000.0\n", 23, "photo 'B' has KAPPA = -4000; angles are in degrees, from -360 to 360"),
         ('[[photo]]\nname = "C"\ncamera = "D"\ntemplate = "T"\n', 26, "but its camera 'D' has a sensor"),
         ('[[photo]]\nname = "C"\ncamera = "D"\nscan = { pixel = 1 }\n', 26, "has a scan, but its camera 'D'"),
         ('[[template]]\nname = "U"\ntemtick = "H"\n', 25, "template 'U' names temtick 'H', which is not defined"),

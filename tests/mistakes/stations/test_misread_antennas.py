@@ -61,6 +61,12 @@ def test_the_antenna_is_named_and_the_advice_leaves_nothing(tmp_path: Path, name
     assert "fit with lever_arm" not in after
 
 
+def test_stations_that_are_late_by_one_exposure_may_have_the_names_of_others(tmp_path: Path) -> None:
+    said = told(tmp_path / "shifted", f"lever_arm = [0.0, 0.0, {ARM}]", SECONDS).told
+    assert "as much as from one exposure to the next: the names of photos are probably shifted by one" in said, said
+    assert "as much as" not in told(tmp_path / "late", f"lever_arm = [0.0, 0.0, {ARM}]", LATE).told
+
+
 def test_an_antenna_as_it_is_says_nothing(tmp_path: Path) -> None:
     said = told(tmp_path / "clean", f"lever_arm = [0.0, 0.0, {ARM}]").told
     assert "status   converged" in said, said

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli.command_line import Said, orip
+from mistakes.data.drone import drone
 from mistakes.first_line import first_line
 from mistakes.small_folders import aerial, images, known
 from support.long_cases import in_turn
@@ -112,6 +113,26 @@ def test_positions_that_were_written_otherwise_are_named_first(tmp_path: Path, n
 def test_positions_as_they_should_be_are_not_doubted(tmp_path: Path, ending: str) -> None:
     said = told(tmp_path / "folder", ending, PLACES)
     assert first_line([said]).startswith("status   converged"), said.told
+
+
+def test_control_without_heights_is_named_and_not_the_stations(tmp_path: Path) -> None:
+    control = drone(tmp_path / "drone") / "DRONE.PNT"
+    control.write_text(re.sub(r"(?m)^(\w+ +\S+ +\S+) +\S+", r"\1 0.000", control.read_text()))
+    said = orip(tmp_path / "drone", "run", "--no-report")
+    assert first_line([said]).startswith("warning: control points: all 5 have the height 0, and the stations"), (
+        said.told
+    )
+    assert "the heights of the control are not filled in" in status(said)
+
+
+def test_a_system_of_another_scale_is_named_before_the_heights(tmp_path: Path) -> None:
+    text = drone(tmp_path / "drone") / "orip.toml"
+    text.write_text(text.read_text().replace("EPSG:25832", "EPSG:3857"))
+    said = orip(tmp_path / "drone", "run", "--no-report")
+    # northing 5934170 is 47 degrees of the Mercator projection, where lengths are 1 / cos(47 degrees) = 1.46 times
+    assert "warning: crs: its grid makes lengths at the block 1.46" in said.told
+    assert "different height systems" not in said.told
+    assert "crs is probably not the system of the coordinates" in status(said)
 
 
 def test_no_lever_arm_or_shift_of_hundreds_of_metres_is_advised(tmp_path: Path) -> None:
