@@ -165,15 +165,22 @@ def hypotheses_of_failure(
     yield from _of_cameras(block)
 
 
+_OF_A_CAMERA = (
+    square_pixels,
+    distortion_sign,
+    principal_point_sign,
+    other_principal_point,
+    distortion_of_lens,
+    other_principal_distance,
+    unequal_axes,
+)
+"""Each of all cameras, before the next one: the distortion of one may make up for the principal point of another."""
+
+
 def _of_cameras(block: Block) -> Iterator[Hypothesis]:
-    for row in range(len(block.cameras)):
-        yield from square_pixels(block, row)
-        yield from distortion_sign(block, row)
-        yield from principal_point_sign(block, row)
-        yield from other_principal_point(block, row)
-        yield from distortion_of_lens(block, row)
-        yield from other_principal_distance(block, row)
-        yield from unequal_axes(block, row)
+    for hypotheses in _OF_A_CAMERA:
+        for row in range(len(block.cameras)):
+            yield from hypotheses(block, row)
 
 
 def _worst_constant_control(block: Block, given: Fit) -> list[str]:

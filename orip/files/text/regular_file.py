@@ -151,6 +151,10 @@ def text_digest(text: str) -> str:
     return hashlib.sha256(text.encode("utf-8")).hexdigest()
 
 
+DIGEST_OF_NOTHING = hashlib.sha256().hexdigest()
+"""What `file_digest` returns of an empty file."""
+
+
 def file_digest(path: Path) -> str:
     """Return the SHA-256 of a file's bytes as 64 hexadecimal digits.
 

@@ -21,7 +21,7 @@ from orip.files.control.reader import in_degrees, read_control
 from orip.files.control.stations_text import read_stations
 from orip.files.control.text import CONTROL_EXTENSIONS
 from orip.files.project.file_names import is_pattern
-from orip.files.text.regular_file import file_digest, natural_key
+from orip.files.text.regular_file import DIGEST_OF_NOTHING, file_digest, natural_key
 from orip.files.text.shown import Parsed
 from orip.records.control import IN_PROJECT, Control, PreliminaryPoint, Station
 from orip.records.measurement import LogRecord
@@ -290,12 +290,12 @@ def _read_log(project: ProjectFolder, listed: Parsed[tuple[Path, ...]]) -> Parse
 
 
 def _of_whole_files(digests: Digests, outcomes: Sequence[Parsed[Any]]) -> Iterator[ProjectWarning]:
-    """Yield a warning of each file that is a copy of another one, and of each where all are without measurements."""
+    """Yield a warning of each file that is a copy of another one, and of empty ones where nothing is measured."""
     is_empty = not any(outcome.value or outcome.complaints for outcome in outcomes)
     originals: dict[str, str] = {}
     for shown, digest in digests:
         original = originals.setdefault(digest, shown)
-        if is_empty:
+        if is_empty and digest == DIGEST_OF_NOTHING:
             text = (
                 "nothing is measured in this file; write a line POINTS bundle photo and below it name x y of each point"
             )

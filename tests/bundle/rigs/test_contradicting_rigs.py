@@ -178,7 +178,8 @@ def test_a_principal_point_that_is_wrong_accuses_no_mounting():
     wrong = replace(last, parameters=(c, dx + 0.03, *others))
     solution, _ = solve(replace(block, cameras=(*block.cameras[:-1], wrong)))
     assert {code for code, _, _ in solution.warnings}.isdisjoint({MOUNTING, MISREAD_MOUNTING, NOT_SYNCHRONOUS})
-    assert f"DX of camera {last.name} is off" in solution.verdict
+    assert "the principal point of a camera does not fit" in solution.verdict
+    assert [where for code, where, _ in solution.warnings if code == "principal-point"] == [f"camera {last.name}"]
 
 
 def test_square_sum_of_correlated_poses_is_as_large_as_chance_makes_it():
