@@ -26,6 +26,10 @@ distances = st.floats(1e-9, 1e5)
 printed = st.text(st.characters(codec="ascii", min_codepoint=33, max_codepoint=126), max_size=20)
 
 
+GROUND = ("m", None), ("US survey foot", None), ("m", "EPSG:2056"), ("US survey foot", "EPSG:2263")
+"""Units of the ground, each with a crs that has it, or none."""
+
+
 def some(strategy: Any) -> Any:
     return st.none() | strategy
 
@@ -118,6 +122,7 @@ def project_definitions(draw: Any) -> ProjectDefinition:
         for name in template_names
     ]
     bundle_names = draw(unique(file_names, max_size=2))
+    ground_unit, crs = draw(st.sampled_from(GROUND))
     return ProjectDefinition(
         name="P" + draw(st.text("AZ09_-", max_size=19)),
         user=draw(printed),
@@ -126,8 +131,8 @@ def project_definitions(draw: Any) -> ProjectDefinition:
         project_files=draw(file_names),
         control_files=draw(file_names),
         measurement_files=("*.MEA",),
-        ground_unit=draw(st.sampled_from(["m", "US survey foot"])),
-        crs=draw(some(st.just("EPSG:2056"))),
+        ground_unit=ground_unit,
+        crs=crs,
         cameras=tuple(camera_records),
         temticks=tuple(temticks),
         templates=tuple(templates),
