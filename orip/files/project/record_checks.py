@@ -9,6 +9,7 @@ from orip.files.project.file_names import file_name_fault, fit_file_name, patter
 from orip.files.project.source import Located, ProjectSource
 from orip.files.project.tables import Fault, ProjectTable, instead, nearest_word
 from orip.files.project.toml_lines import KeyPath
+from orip.files.text.separated import METRES
 from orip.files.text.shown import shown_token
 from orip.records.camera import CAMERA_PARAMETERS, RADIAL_PARAMETERS, READOUT, Camera, Mark
 from orip.records.definition import BundleDefinition
@@ -29,16 +30,6 @@ _LONGEST_READOUT = 1.0
 _EXAMPLE_C = 8.595
 _LONGEST_C = 1e5
 """Millimetres: the longest telescopes have 60 m."""
-_UNITS_IN_OTHER_WORDS = {
-    **dict.fromkeys(("meter", "metre", "meters", "metres", "mtr"), "m"),
-    **dict.fromkeys(("kilometer", "kilometre", "kilometers", "kilometres"), "km"),
-    **dict.fromkeys(("centimeter", "centimetre", "centimeters", "centimetres"), "cm"),
-    **dict.fromkeys(("millimeter", "millimetre", "millimeters", "millimetres"), "mm"),
-    **dict.fromkeys(("ft", "feet", "international foot"), "foot"),
-    **dict.fromkeys(("us-ft", "ftus", "usft", "us foot", "us survey feet", "survey foot"), "US survey foot"),
-    **{name.casefold(): name for name in METRES_PER_GROUND_UNIT},
-}
-"""Ground units that orip knows by another name."""
 
 LineOf = Callable[[KeyPath], int]
 
@@ -144,8 +135,9 @@ def _readout(camera: Located[Camera], where: str) -> Iterator[Fault]:
 def unit_in_other_words(source: ProjectSource, shown: str, line_of: LineOf) -> Iterator[ProjectWarning]:
     """Warn of a ground unit that orip would know by another name; what it does not know is a label."""
     given = "m" if source.project is None else source.project.ground_unit
-    known = _UNITS_IN_OTHER_WORDS.get(given.strip().casefold(), given)
-    if known != given:
+    length = METRES.get(given.strip().casefold())
+    if given not in METRES_PER_GROUND_UNIT and length is not None:
+        known = next(name for name, metres in METRES_PER_GROUND_UNIT.items() if metres == length)
         text = (
             f"ground_unit '{shown_token(given)}' is only a label: orip does not know its length; write "
             f'ground_unit = "{known}" (known are {", ".join(METRES_PER_GROUND_UNIT)})'
