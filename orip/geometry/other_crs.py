@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,9 +18,6 @@ from orip.structs import replace
 
 if TYPE_CHECKING:
     import pyproj
-
-
-from collections.abc import Iterator
 
 
 def crs_complaints(crs: str, ground_unit: str) -> tuple[Complaint, ...]:
